@@ -1,0 +1,1 @@
+//! Response, lens, and the matrix from frame to polar map.

@@ -1,0 +1,5 @@
+//! From a polar map to a short list of directional lights.
+
+mod list;
+
+pub use list::{Light, LightList};

@@ -1,0 +1,12 @@
+//! Directions and solid angles.
+//!
+//! World frame: right-handed, +Y up. A direction is a unit vector from the scene towards the light;
+//! `theta` is the polar angle from +Y, `phi` the azimuth in [0, 2 pi) from +X towards +Z.
+
+mod direction;
+mod fibonacci;
+mod solid_angle;
+
+pub use direction::{angle_between, direction, polar};
+pub use fibonacci::fibonacci_sphere;
+pub use solid_angle::zone_solid_angle;

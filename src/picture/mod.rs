@@ -1,0 +1,1 @@
+//! Lights drawn on maps.

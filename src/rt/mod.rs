@@ -1,0 +1,1 @@
+//! Clock, shutdown, links, metrics and the one loop that runs every stage.

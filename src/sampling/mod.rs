@@ -1,0 +1,1 @@
+//! Point sets and distributions on plain slices.
