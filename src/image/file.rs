@@ -183,7 +183,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         fs::write(&path, content).unwrap();
-        let mut frame = Frame { width: 1, height: 1, pixels: Pixels::Radiance(vec![1.0]), ..Frame::default() };
+        let mut frame =
+            Frame { width: 1, height: 1, pixels: Pixels::Radiance(vec![1.0]), ..Frame::default() };
         let error = read(&path, &mut frame).unwrap_err();
         assert_eq!(error.kind(), Kind::BadFrame);
         assert_eq!((frame.width, frame.height, frame.pixels), (0, 0, Pixels::Radiance(Vec::new())));

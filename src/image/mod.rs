@@ -4,14 +4,13 @@
 mod file;
 mod frame;
 mod open_exr;
-mod open_exr_write;
 mod png;
 mod polar_map;
 mod radiance;
 
 pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, read};
 pub use frame::{Frame, Pixels, Stamp};
-pub use open_exr_write::write_exr;
+pub use open_exr::write_exr;
 pub use png::{write_png8, write_png16};
 pub use polar_map::{PolarMap, PolarShape};
 

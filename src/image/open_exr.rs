@@ -9,6 +9,12 @@
 //! Blocks are decoded one after another in the calling thread: the parallel form of `exr` 1.74 starts a thread
 //! pool for every file, and a panic in that pool (damaged files cause some) ends the process.
 
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use write::write_exr;
+
 use super::file::{check_size, resize, with_radiance};
 use super::{Attributes, Frame, LatLongCentres};
 use crate::error::{Error, Result};
@@ -203,7 +209,9 @@ fn decode(
     }
     match missing.iter().filter(|missing| **missing).count() {
         0 => Ok(()),
-        count => Err(Error::bad_frame(format!("is damaged: {count} of {} blocks are missing", missing.len()))),
+        count => {
+            Err(Error::bad_frame(format!("is damaged: {count} of {} blocks are missing", missing.len())))
+        }
     }
 }
 

@@ -26,7 +26,9 @@ pub(super) fn read(source: impl BufRead + Seek, file_bytes: u64, frame: &mut Fra
         ColorType::L16 => 1,
         ColorType::Rgb16 => 3,
         ColorType::La16 | ColorType::Rgba16 => {
-            return Err(Error::bad_frame("is a PNG with an alpha channel; save it as 16-bit grey or RGB without"));
+            return Err(Error::bad_frame(
+                "is a PNG with an alpha channel; save it as 16-bit grey or RGB without",
+            ));
         }
         _ => {
             return Err(Error::bad_frame(

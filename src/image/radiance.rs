@@ -80,7 +80,9 @@ fn divisors(header: &str) -> Result<[f64; 3]> {
     if divisors.iter().all(|divisor| divisor.is_normal()) {
         return Ok(divisors);
     }
-    Err(Error::bad_frame(format!("its EXPOSURE lines multiply to {divisors:?}; they must be positive numbers")))
+    Err(Error::bad_frame(format!(
+        "its EXPOSURE lines multiply to {divisors:?}; they must be positive numbers"
+    )))
 }
 
 fn positive(word: &str) -> Option<f64> {

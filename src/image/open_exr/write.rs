@@ -1,6 +1,6 @@
-use super::file::{check_samples, replace};
-use super::{Frame, Pixels};
 use crate::error::{Error, Result};
+use crate::image::file::{check_samples, replace};
+use crate::image::{Frame, Pixels};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes,
     LineOrder, SmallVec, Vec2, WritableImage, f16,
@@ -14,7 +14,7 @@ use std::path::Path;
 ///
 /// # Errors
 ///
-/// A frame of sensor codes (those go into [`write_png16`](super::write_png16)) or of the wrong length, a frame
+/// A frame of sensor codes (those go into [`write_png16`](crate::image::write_png16)) or of the wrong length, a frame
 /// rate that is not a positive number, a file that cannot be written.
 pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: bool) -> Result<()> {
     let Pixels::Radiance(values) = &frame.pixels else {
@@ -70,7 +70,9 @@ fn rational(rate_hz: f64) -> Result<(i32, u32)> {
             }
         }
     }
-    Err(Error::failed(format!("cannot be written: a frame rate of {rate_hz} Hz is not between 1e-6 and 2147 Hz")))
+    Err(Error::failed(format!(
+        "cannot be written: a frame rate of {rate_hz} Hz is not between 1e-6 and 2147 Hz"
+    )))
 }
 
 #[cfg(test)]
