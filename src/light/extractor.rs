@@ -1,7 +1,8 @@
 use super::equal_power::equal_power;
+use super::error::ListError;
 use super::nearest::NearestSites;
 use super::refine::Cells;
-use super::{Light, LightList};
+use super::{Light, LightList, MapIrradiance};
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape, luminance};
 use crate::sampling::{Bicontinuous, Standard, sample_points};
@@ -78,6 +79,8 @@ pub struct Extractor {
     nearest_sites: NearestSites,
     nearest: Vec<u32>,
     cells: Cells,
+    map_irradiance: MapIrradiance,
+    list_error: ListError,
 }
 
 #[derive(Clone, Debug)]
@@ -138,10 +141,12 @@ impl Extractor {
             nearest_sites: NearestSites::new(shape, count),
             nearest: vec![0; shape.len()],
             cells: Cells::new(shape.columns, count),
+            map_irradiance: MapIrradiance::new(shape),
+            list_error: ListError::new(),
         })
     }
 
-    /// Fills `list` with the lights of `map`: stamp, lights in slot order, their power.
+    /// Fills `list` with the lights of `map`: stamp, lights in slot order, their power, error and prefix errors.
     ///
     /// Equal-power lights keep the luminous power of the map, the others its RGB power. A map without light gives
     /// lights without power: towards uniform directions, or, persistent, where they were.
@@ -174,6 +179,9 @@ impl Extractor {
             }
         }
         list.power = list.sum_of_lights();
+        self.map_irradiance.reference(map, &mut list.reference_irradiance);
+        self.list_error.prefix_errors(&list.lights, &list.reference_irradiance, &mut list.prefix_errors);
+        list.error = list.prefix_errors.last().map_or(0.0, |&(_, error)| error);
     }
 
     /// For every pixel, row-major, the slot of the light that the last frame gave it to; not used by equal power.

@@ -4,10 +4,13 @@
 //! gives every pixel to its nearest site and sums the cells up to lights. [`prefix`] shortens a list.
 
 mod equal_power;
+pub mod error;
 mod extractor;
 mod list;
+pub mod measure;
 mod nearest;
 mod prefix;
+mod reference;
 mod refine;
 
 #[cfg(test)]
@@ -19,3 +22,4 @@ pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
 pub use list::{Light, LightList};
 pub use nearest::NearestSites;
 pub use prefix::prefix;
+pub use reference::MapIrradiance;

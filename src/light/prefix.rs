@@ -33,6 +33,9 @@ pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
     }
     tail.sort_unstable_by_key(|light| light.id);
     for joining in tail.chunk_by(|a, b| a.id == b.id) {
+        if joining.iter().all(|light| light.irradiance == [0.0; 3]) {
+            continue; // not even rounded anew
+        }
         let head = &mut heads[joining[0].id as usize];
         let mut share = Share::of(head);
         for light in joining {
@@ -159,5 +162,26 @@ mod tests {
         assert!(joined.is_empty());
         prefix(&[], 4, &mut joined);
         assert!(joined.is_empty());
+    }
+
+    #[test]
+    fn lights_that_nothing_with_power_joins_stay_as_they_are() {
+        let lights =
+            [light(0, 0.5, 0.0, 0.0, 0.1), light(1, 0.5, 3.0, 1.0, 0.1), light(2, 0.6, 3.0, 0.0, 0.1)];
+        let mut joined = Vec::new();
+        prefix(&lights, 2, &mut joined);
+        assert_eq!(joined, lights[..2]);
+        prefix(&lights[..1], 1, &mut joined);
+        assert_eq!(joined, lights[..1]);
+    }
+
+    #[test]
+    fn opposite_lights_of_equal_power_keep_the_first_direction_and_spread_to_a_right_angle() {
+        let mut lights = [light(0, 0.0, 0.0, 1.0, 0.0), light(1, 1.0, 0.0, 1.0, 0.0)];
+        lights[1].direction = [0.0, -1.0, 0.0];
+        let mut joined = Vec::new();
+        prefix(&lights, 1, &mut joined);
+        assert_eq!((joined[0].direction, joined[0].irradiance), (lights[0].direction, [2.0, 1.0, 0.5]));
+        assert!((joined[0].spread_rad - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
     }
 }
