@@ -2,9 +2,11 @@
 //! the files that hold them.
 
 mod frame;
+mod latlong_centres;
 mod polar_map;
 
 pub use frame::{Frame, Pixels, Stamp};
+pub use latlong_centres::LatLongCentres;
 pub use polar_map::{PolarMap, PolarShape};
 
 /// Luminance `0.2126 R + 0.7152 G + 0.0722 B` of linear Rec. 709 radiance.
