@@ -1,1 +1,2 @@
 //! Where frames come from.
+pub mod synthetic;
