@@ -6,11 +6,27 @@
 //! smaller than a pixel keeps its power wherever it stands.
 
 use super::emitter::Detail;
-use super::view::View;
-use glam::DVec3;
+use crate::camera::Projection;
+use glam::{DMat3, DVec2, DVec3};
 
 /// The finest cut. Past it a lamp seen edge-on would cost more than all the rest of a picture.
 const CELLS_MAX: usize = 256;
+
+/// Where pixels look.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// Direction of a position in the camera frame.
+    pub projection: Projection,
+    /// Camera frame to world.
+    pub world_from_camera: DMat3,
+}
+
+impl View {
+    /// Unit direction in the world of a position (half-pixel centres); `None` outside the field of view.
+    fn direction(&self, x: f64, y: f64) -> Option<DVec3> {
+        self.projection.unproject(DVec2::new(x, y)).map(|direction| self.world_from_camera * direction)
+    }
+}
 
 /// Working memory of one thread.
 #[derive(Default)]
@@ -95,9 +111,9 @@ fn cells_needed(view: &View, [column, row]: [usize; 2], least: usize, details: &
 mod tests {
     use super::super::emitter::Emitter;
     use super::*;
-    use crate::camera::{Lens, LensParameters};
+    use crate::camera::{LOOKING_UP, Lens, LensParameters};
+    use crate::image::LatLongCentres;
     use crate::math::zone_solid_angle;
-    use glam::{DMat3, DVec2};
     use std::f64::consts::{FRAC_PI_2, PI};
 
     fn fisheye(side: usize, k: [f64; 4]) -> (View, Lens) {
@@ -113,12 +129,12 @@ mod tests {
             field_of_view_rad: 185f64.to_radians(),
         })
         .unwrap();
-        (View::Fisheye { lens, world_from_camera: up() }, lens)
+        (View { projection: Projection::Fisheye(lens), world_from_camera: LOOKING_UP }, lens)
     }
 
-    /// Straight up: camera z is world y, camera x is world x, camera y (down) is world -z... as METHODS has it.
-    fn up() -> DMat3 {
-        DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y)
+    fn lat_long(width: usize, height: usize) -> View {
+        let projection = Projection::LatLong { width, height, centres: LatLongCentres::Half };
+        View { projection, world_from_camera: DMat3::IDENTITY }
     }
 
     /// Solid angle of a pixel by 200 x 200 cells of two spherical triangles each (van Oosterom and Strackee 1983).
@@ -146,7 +162,7 @@ mod tests {
     /// Power in a picture of one emitter over the dark, over the closed form.
     fn power_ratio(view: &View, sun: &Emitter) -> f64 {
         let details = [sun.detail()];
-        let (width, height) = view.size();
+        let (width, height) = (view.projection.width(), view.projection.height());
         let mut integral = PixelIntegral::default();
         let mut power = 0.0;
         for row in 0..height {
@@ -177,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_sun_on_pole_seam_and_corner_keeps_its_power_in_a_lat_long_picture() {
-        let view = View::LatLong { width: 72, height: 36 };
+        let view = lat_long(72, 36);
         for (azimuth, elevation) in [(0.0, 90.0), (-90.0, 20.0), (45.0, 45.0), (47.5, 42.5), (33.0, 89.9)] {
             let sun = Emitter::far_disc(azimuth, elevation, 0.2666, [1.0; 3]);
             let ratio = power_ratio(&view, &sun);
@@ -231,7 +247,7 @@ mod tests {
     #[test]
     fn solid_angles_weigh_the_cells() {
         // Radiance cos(theta) over one quarter-turn pixel from the pole to the equator: mean 1/2 by solid angle.
-        let view = View::LatLong { width: 4, height: 2 };
+        let view = lat_long(4, 2);
         let mean = PixelIntegral::default().mean(&view, [1, 0], 200, &[], |d| [d.y; 3]);
         assert!((mean[0] - 0.5).abs() < 1e-4, "{}", mean[0]);
         let expected = zone_solid_angle(0.0, FRAC_PI_2, 0.25);

@@ -132,7 +132,7 @@ impl Panorama {
         let flickering = match &options.flicker {
             None => Vec::new(),
             Some(flicker) => {
-                flicker.sine().check()?;
+                flicker.sine().check().map_err(|fault| format!("panorama.{fault}"))?;
                 if flicker.columns[0] > flicker.columns[1] || flicker.columns[1] >= columns {
                     return Err(format!("panorama.flicker.columns must ascend and end below {columns}"));
                 }

@@ -3,6 +3,7 @@
 use super::animation::{Flicker, is_on};
 use super::emitter::{Detail, Emitter, Shape};
 use super::noise::{fractal_noise, hash};
+use super::scene::check_radiance;
 use glam::DVec3;
 use serde::Deserialize;
 use std::f64::consts::PI;
@@ -129,33 +130,35 @@ impl Room {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), &'static str> {
+    /// The error begins with the key.
+    pub(super) fn check(&self) -> Result<(), String> {
+        check_radiance(format_args!("room.ambient"), self.ambient)?;
+        check_radiance(format_args!("room.albedo"), self.albedo)?;
         for axis in 0..3 {
-            if !(self.size_m[axis].is_finite() && self.camera_m[axis] > 0.0)
-                || self.camera_m[axis] >= self.size_m[axis]
-            {
-                return Err("room.camera_m must lie inside the room's size_m");
+            let inside = self.camera_m[axis] > 0.0 && self.camera_m[axis] < self.size_m[axis];
+            if !inside || self.size_m[axis] > 1e6 {
+                return Err("room.camera_m must lie inside room.size_m, that at most 1e6".into());
             }
         }
-        if self.tile_m.is_nan() || self.tile_m <= 0.0 {
-            return Err("room.tile_m must be above 0");
+        if !(1e-6..=1e6).contains(&self.tile_m) {
+            return Err("room.tile_m must lie between 1e-6 and 1e6".into());
         }
-        for lamp in &self.lamp {
+        for (i, lamp) in self.lamp.iter().enumerate() {
+            let key = format!("room.lamp[{i}]");
+            check_radiance(format_args!("{key}.radiance"), lamp.radiance)?;
             let sides = match (lamp.size_m, lamp.radius_m) {
                 (Some(size), None) => size,
                 (None, Some(radius)) => [2.0 * radius; 2],
-                _ => return Err("room.lamp needs either size_m (a rectangle) or radius_m (a disc)"),
+                _ => return Err(format!("{key} needs either size_m (a rectangle) or radius_m (a disc)")),
             };
             let free = free_axes(lamp.wall.axis().0);
-            for (i, side) in sides.into_iter().enumerate() {
-                let (low, high) = (lamp.centre_m[i] - 0.5 * side, lamp.centre_m[i] + 0.5 * side);
-                if !(side > 0.0 && low >= 0.0 && high <= self.size_m[free[i]]) {
-                    return Err("room.lamp must lie within its wall and be larger than nothing");
+            for (axis, (side, centre)) in free.into_iter().zip(sides.into_iter().zip(lamp.centre_m)) {
+                let within = centre - 0.5 * side >= 0.0 && centre + 0.5 * side <= self.size_m[axis];
+                if !(side > 1e-6 && within) {
+                    return Err(format!("{key} must lie within its wall and not be smaller than 1e-6 m"));
                 }
             }
-            if let Some(flicker) = &lamp.flicker {
-                flicker.check()?;
-            }
+            lamp.flicker.map_or(Ok(()), |flicker| flicker.check()).map_err(|fault| format!("{key}.{fault}"))?;
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use super::animation::{Flicker, Waypoint, along, is_on};
 use super::emitter::{Detail, Emitter};
 use super::noise::fractal_noise;
+use super::scene::check_radiance;
 use crate::math::angle_between;
 use glam::DVec3;
 use serde::Deserialize;
@@ -122,32 +123,58 @@ impl Sky {
         SkyAt { sky: self, time_s, sun, lamps: lamps.collect() }
     }
 
-    pub(super) fn check(&self) -> Result<(), &'static str> {
+    /// The error begins with the key.
+    pub(super) fn check(&self) -> Result<(), String> {
+        for (key, radiance) in [("zenith", self.zenith), ("horizon", self.horizon), ("ground", self.ground)] {
+            check_radiance(format_args!("sky.{key}"), radiance)?;
+        }
         if let Some(sun) = &self.sun {
-            if sun.path.is_empty() {
-                return Err("sky.sun.path needs at least one entry with azimuth_deg and elevation_deg");
+            check_radiance(format_args!("sky.sun.radiance"), sun.radiance)?;
+            check_radiance(format_args!("sky.sun.glow"), sun.glow)?;
+            check_radius("sky.sun", sun.radius_deg)?;
+            if sun.path.is_empty() || !sun.path.is_sorted_by(|a, b| a.time_s < b.time_s) {
+                return Err("sky.sun.path needs entries that ascend in time_s".into());
             }
-            if !sun.path.is_sorted_by(|a, b| a.time_s < b.time_s) {
-                return Err("sky.sun.path must ascend in time_s");
-            }
-            if !(1e-3..=45.0).contains(&sun.radius_deg) {
-                return Err("sky.sun.radius_deg must lie between 0.001 and 45");
+            for (i, waypoint) in sun.path.iter().enumerate() {
+                check_place(&format!("sky.sun.path[{i}]"), waypoint.azimuth_deg, waypoint.elevation_deg)?;
             }
         }
-        if let Some(clouds) = &self.clouds
-            && !((0.0..=1.0).contains(&clouds.cover) && clouds.size > 0.0)
-        {
-            return Err("sky.clouds needs a cover between 0 and 1 and a size above 0");
+        if let Some(clouds) = &self.clouds {
+            check_radiance(format_args!("sky.clouds.radiance"), clouds.radiance)?;
+            if !(0.0..=1.0).contains(&clouds.cover) {
+                return Err("sky.clouds.cover must lie between 0 and 1".into());
+            }
+            if !(1e-3..=1e3).contains(&clouds.size) {
+                return Err("sky.clouds.size must lie between 0.001 and 1000".into());
+            }
+            if !clouds.drift.iter().all(|speed| speed.abs() <= 1e3) {
+                return Err("sky.clouds.drift must lie between -1000 and 1000".into());
+            }
         }
-        for lamp in &self.lamp {
-            if !(1e-3..=45.0).contains(&lamp.radius_deg) {
-                return Err("sky.lamp.radius_deg must lie between 0.001 and 45");
-            }
-            if let Some(flicker) = &lamp.flicker {
-                flicker.check()?;
-            }
+        for (i, lamp) in self.lamp.iter().enumerate() {
+            let key = format!("sky.lamp[{i}]");
+            check_radiance(format_args!("{key}.radiance"), lamp.radiance)?;
+            check_radius(&key, lamp.radius_deg)?;
+            check_place(&key, lamp.azimuth_deg, lamp.elevation_deg)?;
+            lamp.flicker.map_or(Ok(()), |flicker| flicker.check()).map_err(|fault| format!("{key}.{fault}"))?;
         }
         Ok(())
+    }
+}
+
+fn check_radius(key: &str, radius_deg: f64) -> Result<(), String> {
+    if (1e-3..=45.0).contains(&radius_deg) {
+        Ok(())
+    } else {
+        Err(format!("{key}.radius_deg must lie between 0.001 and 45"))
+    }
+}
+
+fn check_place(key: &str, azimuth_deg: f64, elevation_deg: f64) -> Result<(), String> {
+    if azimuth_deg.is_finite() && (-90.0..=90.0).contains(&elevation_deg) {
+        Ok(())
+    } else {
+        Err(format!("{key} needs a finite azimuth_deg and an elevation_deg between -90 and 90"))
     }
 }
 
