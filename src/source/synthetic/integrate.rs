@@ -49,7 +49,7 @@ impl PixelIntegral {
         let cells = cells_needed(view, [column, row], cells, details);
         let (left, top) = (column as f64, row as f64);
         let step = 1.0 / cells as f64;
-        let mut corners = |line: &mut Vec<Option<DVec3>>, j: usize| {
+        let corners = |line: &mut Vec<Option<DVec3>>, j: usize| {
             line.clear();
             line.extend((0..=cells).map(|i| view.direction(left + i as f64 * step, top + j as f64 * step)));
         };

@@ -23,11 +23,12 @@ mod sky;
 pub use script::{FrameName, Script};
 
 use super::{Next, Source};
+use crate::camera::Projection;
 use crate::error::Result;
 use crate::image::{Frame, Pixels, Stamp, luminance};
 use animation::gain;
 use integrate::PixelIntegral;
-use scene::{Scene, SceneAt};
+use scene::SceneAt;
 
 /// The source that makes the frames of a script, one after the other, once.
 #[derive(Clone, Debug)]
@@ -111,7 +112,7 @@ impl Script {
         };
         match (&scene, projection) {
             // Grid to grid: exact, and a panorama that turns by whole columns keeps every bit.
-            (SceneAt::Panorama(panorama), crate::camera::Projection::LatLong { .. }) => {
+            (SceneAt::Panorama(panorama), Projection::LatLong { .. }) => {
                 panorama.write_lat_long(width, height, |row, column, rgb| {
                     let start = (row * width + column) * channels;
                     put(&mut samples[start..start + channels], rgb);
@@ -158,3 +159,6 @@ impl Script {
         });
     }
 }
+
+#[cfg(test)]
+mod tests;
