@@ -20,7 +20,10 @@ fn column_overlaps(from: usize, to: usize, shift: f64) -> Vec<Overlap> {
             let left = first + i as f64;
             (end.min(left + 1.0) - start.max(left)) / (end - start)
         };
-        Overlap { first: first.rem_euclid(from as f64) as usize % from, shares: (0..count).map(share).collect() }
+        Overlap {
+            first: first.rem_euclid(from as f64) as usize % from,
+            shares: (0..count).map(share).collect(),
+        }
     });
     cells.collect()
 }

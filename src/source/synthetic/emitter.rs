@@ -88,7 +88,11 @@ impl Emitter {
         let short = self.half_u.length().min(self.half_v.length());
         Detail {
             direction: self.centre / distance,
-            radius_rad: if reach < distance { (reach / distance).asin() } else { std::f64::consts::FRAC_PI_2 },
+            radius_rad: if reach < distance {
+                (reach / distance).asin()
+            } else {
+                std::f64::consts::FRAC_PI_2
+            },
             cell_rad: short * slant / distance / CELLS_PER_HALF_AXIS,
         }
     }

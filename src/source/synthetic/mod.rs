@@ -1,7 +1,7 @@
 //! Sequences made by calculation, for the demo, tests and benches.
 //!
-//! A [`Script`] says what there is to see (a [sky](sky::Sky), a [room](room::Room) or a recorded
-//! [panorama](panorama::PanoramaOptions)), what moves in it, and through what it is taken. A scene is a function
+//! A [`Script`] says what there is to see (a sky, a room or a recorded panorama), what moves in it, and through
+//! what it is taken. A scene is a function
 //! `radiance(direction, time)`; a pixel is its mean over the pixel's solid angle (so that radiance times solid
 //! angle sums to the scene's power, METHODS section 4), times the exposure's gain, with noise, through the
 //! response. Everything follows from the script and the frame's number: any frame can be made alone, and the same
@@ -142,19 +142,18 @@ impl Script {
         }
         std::thread::scope(|scope| {
             for hand in hands {
-                let (details, put) = (&details, &put);
-                scope.spawn(move || {
+                let work = || {
                     let mut integral = PixelIntegral::default();
                     for (row, line) in hand {
                         for (column, pixel) in line.chunks_exact_mut(self.channels).enumerate() {
                             let place = [column, row];
-                            put(
-                                pixel,
-                                integral.mean(&self.view, place, self.cells, details, |d| scene.radiance(d)),
-                            );
+                            let mean =
+                                integral.mean(&self.view, place, self.cells, &details, |d| scene.radiance(d));
+                            put(pixel, mean);
                         }
                     }
-                });
+                };
+                scope.spawn(work);
             }
         });
     }

@@ -35,11 +35,7 @@ pub fn value_noise(x: f64, y: f64, seed: u64) -> f64 {
     let (i, j) = (x0 as i64, y0 as i64);
     let (row_0, row_1) = (row(j), row(j + 1));
     let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
-    mix(
-        mix(corner(row_0, i), corner(row_0, i + 1), tx),
-        mix(corner(row_1, i), corner(row_1, i + 1), tx),
-        ty,
-    )
+    mix(mix(corner(row_0, i), corner(row_0, i + 1), tx), mix(corner(row_1, i), corner(row_1, i + 1), tx), ty)
 }
 
 /// Sum of five octaves of value noise, each half as strong and twice as fine as the one before, scaled to [0, 1).

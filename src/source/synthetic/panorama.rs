@@ -113,8 +113,7 @@ impl Panorama {
             [sample(0), sample(1), sample(2)]
         };
         // phi = 2 pi u - pi/2: column 0 of the map begins a quarter of the file's width in.
-        let mut mean =
-            AreaMean::new([frame.width, frame.height], [columns, rows], frame.width as f64 / 4.0);
+        let mut mean = AreaMean::new([frame.width, frame.height], [columns, rows], frame.width as f64 / 4.0);
         let mut map = PolarMap::black(PolarShape::sphere(columns, rows));
         mean.write(pixel, |row, column, value| map.pixels[row * columns + column] = value.map(|v| v as f32));
 
@@ -181,8 +180,12 @@ impl PanoramaAt<'_> {
         let (row, column) = (y as usize, x as usize % columns);
         let (below, right) = ((row + 1).min(rows - 1), (column + 1) % columns);
         let (ty, tx) = (y.fract(), x.fract());
-        let corners =
-            [self.value(row, column), self.value(row, right), self.value(below, column), self.value(below, right)];
+        let corners = [
+            self.value(row, column),
+            self.value(row, right),
+            self.value(below, column),
+            self.value(below, right),
+        ];
         let weights = [(1.0 - ty) * (1.0 - tx), (1.0 - ty) * tx, ty * (1.0 - tx), ty * tx];
         std::array::from_fn(|channel| (0..4).map(|i| weights[i] * corners[i][channel]).sum())
     }
@@ -255,10 +258,10 @@ fn flicker_mask(map: &PolarMap, flicker: &PixelFlicker) -> Vec<bool> {
 }
 
 fn hot_pixels(map: &PolarMap) -> Vec<(usize, usize)> {
-    let power = |row: usize, column: usize| {
-        f64::from(map.luminance(row, column)) * map.shape.pixel_solid_angle(row)
-    };
-    let pixels = || (0..map.shape.rows).flat_map(|row| (0..map.shape.columns).map(move |column| (row, column)));
+    let power =
+        |row: usize, column: usize| f64::from(map.luminance(row, column)) * map.shape.pixel_solid_angle(row);
+    let pixels =
+        || (0..map.shape.rows).flat_map(|row| (0..map.shape.columns).map(move |column| (row, column)));
     let total: f64 = pixels().map(|(row, column)| power(row, column)).sum();
     let hot = |row: usize, column: usize| {
         power(row, column) > HOT_SHARE * total
@@ -277,7 +280,13 @@ mod tests {
     fn frame() -> Frame {
         let mut samples = vec![1.0f32; 40 * 20];
         samples[6 * 40 + 15] = 5000.0;
-        Frame { stamp: Stamp::default(), width: 40, height: 20, channels: 1, pixels: Pixels::Radiance(samples) }
+        Frame {
+            stamp: Stamp::default(),
+            width: 40,
+            height: 20,
+            channels: 1,
+            pixels: Pixels::Radiance(samples),
+        }
     }
 
     fn options(text: &str) -> PanoramaOptions {

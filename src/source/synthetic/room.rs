@@ -158,7 +158,9 @@ impl Room {
                     return Err(format!("{key} must lie within its wall and not be smaller than 1e-6 m"));
                 }
             }
-            lamp.flicker.map_or(Ok(()), |flicker| flicker.check()).map_err(|fault| format!("{key}.{fault}"))?;
+            lamp.flicker
+                .map_or(Ok(()), |flicker| flicker.check())
+                .map_err(|fault| format!("{key}.{fault}"))?;
         }
         Ok(())
     }
@@ -197,8 +199,11 @@ impl RoomAt<'_> {
         let (mut nearest, mut axis, mut far) = (f64::INFINITY, 1, true);
         for candidate in 0..3 {
             let forward = direction[candidate] > 0.0;
-            let distance_m =
-                if forward { room.size_m[candidate] - room.camera_m[candidate] } else { room.camera_m[candidate] };
+            let distance_m = if forward {
+                room.size_m[candidate] - room.camera_m[candidate]
+            } else {
+                room.camera_m[candidate]
+            };
             // A ray along the wall gives infinity, which loses.
             let along = distance_m / direction[candidate].abs();
             if along < nearest {
@@ -260,7 +265,15 @@ mod tests {
 
     fn lamp(wall: Wall, centre_m: [f64; 2], size_m: [f64; 2]) -> WallLamp {
         let radiance = [100.0, 90.0, 70.0];
-        WallLamp { wall, centre_m, size_m: Some(size_m), radius_m: None, radiance, flicker: None, on_s: vec![] }
+        WallLamp {
+            wall,
+            centre_m,
+            size_m: Some(size_m),
+            radius_m: None,
+            radiance,
+            flicker: None,
+            on_s: vec![],
+        }
     }
 
     #[test]

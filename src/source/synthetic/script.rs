@@ -32,17 +32,17 @@ pub struct Script {
     /// OpenEXR files hold half floats.
     pub half: bool,
     /// Least number of cells across a pixel.
-    pub cells: usize,
+    pub(super) cells: usize,
     /// Ascending in time.
-    pub exposure: Vec<Exposure>,
+    pub(super) exposure: Vec<Exposure>,
     /// None for none.
-    pub noise: Option<Noise>,
+    pub(super) noise: Option<Noise>,
     /// What there is to see.
-    pub scene: Scene,
+    pub(super) scene: Scene,
     /// Where pixels look; the world for a lat-long picture.
-    pub view: View,
+    pub(super) view: View,
     /// What the sensor makes of radiance; the identity for frames of radiance.
-    pub response: Response,
+    pub(super) response: Response,
 }
 
 /// Name of a frame's file: a run of `#` stands for the number.
@@ -182,8 +182,9 @@ impl Keys {
         if !(1..=64).contains(&self.cells_per_pixel) {
             return Err("cells_per_pixel must be 1 to 64".into());
         }
-        let name = FrameName::parse(&self.name, self.first_number)
-            .ok_or("name must hold one run of # for the number, not after a digit, and no folder: day.####.png")?;
+        let name = FrameName::parse(&self.name, self.first_number).ok_or(
+            "name must hold one run of # for the number, not after a digit, and no folder: day.####.png",
+        )?;
         let ascending = self.exposure.is_sorted_by(|a, b| a.time_s < b.time_s);
         let moderate = self.exposure.iter().all(|e| e.time_s.is_finite() && e.stops.abs() <= 100.0);
         if !ascending || !moderate {
@@ -268,9 +269,11 @@ fn load_panorama(
     let mut frame = Frame::default();
     let attributes = read(&path, &mut frame).map_err(|error| format!("panorama.file: {error}"))?;
     if attributes.latlong_centres != LatLongCentres::Half {
-        return Err("panorama.file has its pixel centres on the poles (attribute envmap); convert it to a plain \
+        return Err(
+            "panorama.file has its pixel centres on the poles (attribute envmap); convert it to a plain \
                     lat-long picture"
-            .into());
+                .into(),
+        );
     }
     Panorama::new(options, &frame, frame_rate_hz)
 }

@@ -75,7 +75,8 @@ mod tests {
             assert!((variance / (0.01 * radiance) - 1.0).abs() < 0.03, "{radiance}: {variance}");
         }
         let variance =
-            (0..n).map(|i| (f64::from(noise.code(2000, i, &response)) - 2000.0).powi(2)).sum::<f64>() / n as f64;
+            (0..n).map(|i| (f64::from(noise.code(2000, i, &response)) - 2000.0).powi(2)).sum::<f64>()
+                / n as f64;
         // Rounding adds 1/12.
         assert!((variance / (16.0 + 1.0 / 12.0) - 1.0).abs() < 0.03, "{variance}");
         assert!((0..n).all(|i| noise.code(4095, i, &response) <= 4095 && noise.radiance(0.0, i) == 0.0));

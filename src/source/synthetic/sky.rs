@@ -156,7 +156,9 @@ impl Sky {
             check_radiance(format_args!("{key}.radiance"), lamp.radiance)?;
             check_radius(&key, lamp.radius_deg)?;
             check_place(&key, lamp.azimuth_deg, lamp.elevation_deg)?;
-            lamp.flicker.map_or(Ok(()), |flicker| flicker.check()).map_err(|fault| format!("{key}.{fault}"))?;
+            lamp.flicker
+                .map_or(Ok(()), |flicker| flicker.check())
+                .map_err(|fault| format!("{key}.{fault}"))?;
         }
         Ok(())
     }
@@ -203,7 +205,8 @@ impl SkyAt<'_> {
             }
         }
         if let Some(clouds) = &sky.clouds {
-            radiance = mix(radiance, self.cloud_radiance(clouds, direction, cloud, toward_sun), opacity(cloud));
+            radiance =
+                mix(radiance, self.cloud_radiance(clouds, direction, cloud, toward_sun), opacity(cloud));
         }
         if let Some(sun) = &self.sun {
             let disc = sun.profile(direction) * (-CLOUD_DEPTH * cloud).exp();
@@ -270,8 +273,7 @@ mod tests {
     fn cloudy() -> Sky {
         let path = vec![Waypoint { time_s: 0.0, azimuth_deg: 20.0, elevation_deg: 40.0 }];
         let sun = Sun { radius_deg: 0.2666, radiance: [1e5; 3], glow: [0.5; 3], path };
-        let clouds =
-            Clouds { cover: 0.5, size: 1.0, drift: [0.1, 0.0], radiance: [1.0; 3], seed: 1 };
+        let clouds = Clouds { cover: 0.5, size: 1.0, drift: [0.1, 0.0], radiance: [1.0; 3], seed: 1 };
         Sky { sun: Some(sun), clouds: Some(clouds), ..Sky::default() }
     }
 

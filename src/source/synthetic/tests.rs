@@ -144,7 +144,10 @@ fn a_panorama_that_is_not_there_is_named_with_what_to_do() {
         )
     };
     let message = refusal(&text("data:env/x.hdr"));
-    assert!(message.starts_with("a/sky.toml:6: panorama.file") && message.contains("LIGHTCAST_DATA"), "{message}");
+    assert!(
+        message.starts_with("a/sky.toml:6: panorama.file") && message.contains("LIGHTCAST_DATA"),
+        "{message}"
+    );
     let message = refusal(&text("x.hdr"));
     assert!(message.starts_with("a/sky.toml:6: panorama.file") && message.contains("a/x.hdr"), "{message}");
 }
