@@ -1,4 +1,4 @@
-use crate::camera::Projection;
+use crate::camera::LOOKING_UP;
 use crate::error::{Error, Result};
 use crate::image::{Frame, Pixels, write_exr, write_png16};
 use crate::source::synthetic::{Script, Synthetic};
@@ -9,8 +9,7 @@ use std::path::{Path, PathBuf};
 ///
 /// A script (TOML) names a scene (sky with sun and clouds, room with lamps, or an HDR panorama), what moves in it,
 /// and what takes it: a lat-long picture, or a fisheye lens with a response. Frames of radiance become OpenEXR
-/// files, raw sensor codes 16-bit PNG files. Beside fisheye frames stands calibration.json with lens, response and
-/// orientation. The same script gives the same bytes. replay/*.toml are scripts that explain their keys.
+/// files, raw sensor codes 16-bit PNG files. Beside fisheye frames stands calibration.json with lens and response. The same script gives the same bytes. replay/*.toml are scripts that explain their keys.
 ///
 /// Panoramas that a script names as data:PATH are looked for in the folder that LIGHTCAST_DATA names.
 ///
@@ -67,10 +66,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         },
         bytes as f64 / 1e6,
     );
-    if let Projection::Fisheye(_) = script.view.projection {
+    if let Some(calibration) = script.calibration() {
         let path = folder.join("calibration.json");
-        // TODO save
-        tracing::info!("{}: lens, response and orientation", path.display());
+        std::fs::write(&path, calibration.to_json())
+            .map_err(|error| Error::failed(format!("{}: cannot be written", path.display())).because(error))?;
+        tracing::info!("{}: lens and response", path.display());
+        if script.world_from_camera() != LOOKING_UP {
+            let rows = script.world_from_camera().transpose().to_cols_array_2d();
+            tracing::info!("the camera does not look up: world_from_camera = {rows:?}");
+        }
     }
     Ok(())
 }

@@ -11,7 +11,7 @@ use super::room::Room;
 use super::scene::Scene;
 use super::sensor::Noise;
 use super::sky::Sky;
-use crate::camera::{LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
+use crate::camera::{Calibration, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
 use crate::error::{Error, Result};
 use crate::image::{Frame, LatLongCentres, read};
 use glam::DMat3;
@@ -164,6 +164,25 @@ impl Script {
         let keys: Keys = toml::from_str(text).map_err(|error| place::of_toml(&error, text, path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         keys.check(folder, data).map_err(|fault| place::of_value(&fault, text, path))
+    }
+}
+
+impl Script {
+    /// The camera of a fisheye script, for a calibration file; none for lat-long pictures. The orientation is not
+    /// part of it.
+    pub fn calibration(&self) -> Option<Calibration> {
+        match self.view.projection {
+            Projection::LatLong { .. } => None,
+            Projection::Fisheye(lens) => {
+                Some(Calibration { lens, response: self.response.clone(), notes: Vec::new() })
+            }
+        }
+    }
+
+    /// Rotation from the camera frame to the world, as a configuration has to name it; the identity for lat-long
+    /// pictures.
+    pub fn world_from_camera(&self) -> DMat3 {
+        self.view.world_from_camera
     }
 }
 

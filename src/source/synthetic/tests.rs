@@ -1,6 +1,8 @@
+use super::integrate::View;
 use super::*;
+use crate::camera::{Calibration, FrameToPolar, Response};
 use crate::error::{Error, Kind};
-use crate::image::read;
+use crate::image::{PolarMap, PolarShape, read};
 use std::path::{Path, PathBuf};
 
 const SKY: &str = "
@@ -231,6 +233,8 @@ fn garden_turns_a_column_a_frame_and_hall_flickers_where_it_should() {
 fn bundled_frames_are_what_their_script_makes() {
     let script = Script::load(&replay("day.toml"), None).unwrap();
     let (name, frames) = (script.name.clone(), script.frames);
+    let bundled_camera = Calibration::load(&replay("day/calibration.json")).unwrap();
+    assert_eq!(script.calibration(), Some(bundled_camera));
     assert!(frames >= 76, "three seconds at 25 Hz");
     let mut source = Synthetic::new(script);
     let (mut made, mut bundled) = (Frame::default(), Frame::default());
@@ -245,4 +249,74 @@ fn bundled_frames_are_what_their_script_makes() {
             path.display()
         );
     }
+}
+
+#[test]
+fn a_moving_sun_keeps_its_power_through_lens_and_polar_map() {
+    let text = "
+        name = 'sun.#.exr'
+        frames = 40
+        frame_rate_hz = 25.0
+        [fisheye]
+        width = 96
+        height = 80
+        field_of_view_deg = 186.0
+        k = [0.012, -0.004, 0.0006, 0.0]
+        centre_px = [47.1, 41.3]
+        [sky]
+        zenith = [0.0, 0.0, 0.0]
+        horizon = [0.0, 0.0, 0.0]
+        ground = [0.0, 0.0, 0.0]
+        [sky.sun]
+        radiance = [1e6, 1e6, 1e6]
+        path = [{ azimuth_deg = -40.0, elevation_deg = 4.0 }, { time_s = 1.6, azimuth_deg = 200.0, elevation_deg = 90.0 }]
+    ";
+    let mut source = Synthetic::new(parse(text).unwrap());
+    let View { projection, world_from_camera } = source.script().view;
+    let shape = PolarShape::hemisphere(360, 90);
+    let mut matrix = FrameToPolar::new(&projection, world_from_camera, shape).unwrap();
+    let (mut frame, mut map) = (Frame::default(), PolarMap::black(shape));
+    // Solid angle of the soft-edged disc: see `Emitter::area`; the angle itself is 0.2666 degrees.
+    let radius_rad = 0.2666f64.to_radians();
+    let expected = 1e6 * std::f64::consts::PI * radius_rad * radius_rad * (1.0 + 0.15 * 0.15 / 5.0);
+    let mut worst: f64 = 0.0;
+    while source.next(&mut frame).unwrap() == Next::Frame {
+        matrix.apply(&frame, &Response::default(), &mut map).unwrap();
+        worst = worst.max((map.power()[0] / expected - 1.0).abs());
+    }
+    println!("worst relative error of the sun's power in the polar map: {worst:.2e}");
+    assert!(worst < 1e-3, "{worst}");
+}
+
+#[test]
+fn a_real_sun_keeps_its_power_through_a_fisheye_too() {
+    let Some(data) = data() else { return };
+    let text = |see: &str| {
+        format!(
+            "name = 'garden.#.exr'\nframes = 5\nframe_rate_hz = 25.0\n{see}\n[panorama]\n\
+             file = 'data:env/chinese_garden_1k.hdr'\nturn = {{ degrees_per_second = 333.0 }}\n"
+        )
+    };
+    let source = |see: &str| {
+        let script = Script::parse(&text(see), Path::new("garden.toml"), Some(&data)).unwrap();
+        Synthetic::new(script)
+    };
+    let mut exact = source("lat_long = { width = 1024, height = 512 }");
+    let mut fisheye = source("fisheye = { width = 160, height = 160, field_of_view_deg = 186.0 }");
+    let shape = PolarShape::hemisphere(360, 90);
+    let (mut frame, mut map) = (Frame::default(), PolarMap::black(shape));
+    let mut powers = |source: &mut Synthetic| -> Vec<f64> {
+        let View { projection, world_from_camera } = source.script().view;
+        let mut matrix = FrameToPolar::new(&projection, world_from_camera, shape).unwrap();
+        let mut power = |index| {
+            source.render(index, &mut frame);
+            matrix.apply(&frame, &Response::default(), &mut map).unwrap();
+            map.power()[1]
+        };
+        (0..5).map(&mut power).collect()
+    };
+    let (exact, fisheye) = (powers(&mut exact), powers(&mut fisheye));
+    let worst = exact.iter().zip(&fisheye).map(|(a, b)| (b / a - 1.0).abs()).fold(0.0, f64::max);
+    println!("worst relative difference of the garden's power: {worst:.2e}");
+    assert!(worst < 1e-3, "{exact:?} {fisheye:?}");
 }
