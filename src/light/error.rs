@@ -112,7 +112,7 @@ impl ListError {
 
     /// RMS over the normals of the irradiance of `lights` less `reference`, relative to the mean of `reference`
     /// (which is [`super::LightList::reference_irradiance`], luminous). Where the reference is dark, relative to
-    /// the mean of the lights; 0 where both are. An empty reference gives 0.
+    /// the mean of the lights; 0 where both are. An empty reference gives 0. Never above `f32::MAX`.
     pub fn relative_error(&mut self, lights: &[Light], reference: &[f32]) -> f32 {
         self.contributions.clear();
         let lights = lights.iter().filter(|light| light.luminance() > 0.0);
@@ -122,12 +122,14 @@ impl ListError {
         let values = self.normals.irradiances(&self.contributions);
         let (mut squares, mut total, mut light_total) = (0.0f64, 0.0f64, 0.0f64);
         for (&value, &reference) in values.iter().zip(reference) {
-            squares += f64::from(value - reference).powi(2);
+            squares += (f64::from(value) - f64::from(reference)).powi(2);
             total += f64::from(reference);
             light_total += f64::from(value);
         }
         let total = if total > 0.0 { total } else { light_total };
-        if total > 0.0 { ((squares * reference.len() as f64).sqrt() / total) as f32 } else { 0.0 }
+        let error = if total > 0.0 { (squares * reference.len() as f64).sqrt() / total } else { 0.0 };
+        // Irradiances near the limit of f32 overflow in the sums; `min` also takes the NaN of their differences.
+        (error as f32).min(f32::MAX)
     }
 
     /// Errors of the prefixes of 8, 16, 32, ... lights and of the whole list, as pairs of length and error.
