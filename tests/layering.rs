@@ -4,6 +4,8 @@
 //! Sources are read as Rust tokens, so comments and strings do not count and paths inside macro calls do. Items
 //! under `#[cfg(test)]` are free to import what they like.
 
+#![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
+
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::collections::BTreeMap;
 use std::fs;
