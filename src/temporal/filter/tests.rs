@@ -1,0 +1,347 @@
+use super::*;
+use crate::error::Kind;
+use crate::light::Light;
+use crate::light::measure::Emitters;
+use crate::math::{angle_between, direction, fibonacci_sphere};
+
+fn stamp(t: usize, rate: f64) -> Stamp {
+    Stamp {
+        sequence: t as u64,
+        capture_time_ns: (t as f64 * 1e9 / rate) as i64,
+        lost_before: 0,
+        frame_rate_hz: rate,
+    }
+}
+
+fn light(id: u32, towards: DVec3, irradiance: [f32; 3]) -> Light {
+    Light { id, direction: towards.as_vec3().to_array(), irradiance, spread_rad: 0.05 }
+}
+
+/// A list whose reference irradiances are those of its own lights, so that its error is 0.
+fn list(t: usize, rate: f64, lights: Vec<Light>) -> LightList {
+    let mut list = LightList::default();
+    (list.stamp, list.lights) = (stamp(t, rate), lights);
+    list.power = list.sum_of_lights();
+    // The estimator's normals: 150 and their opposites.
+    let emitters = Emitters::from_lights(&list.lights);
+    let normals = || fibonacci_sphere(300).take(150);
+    list.reference_irradiance =
+        normals().chain(normals().map(|n| -n)).map(|n| emitters.irradiance(n) as f32).collect();
+    list
+}
+
+fn lamp(t: usize, rate: f64, irradiance: f32) -> LightList {
+    list(t, rate, vec![light(0, direction(0.4, 1.0), [irradiance, 2.0 * irradiance, 0.5 * irradiance])])
+}
+
+/// Feeds lists and returns what leaves.
+fn run(lists: &[LightList]) -> Vec<LightList> {
+    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let step = |list| {
+        let mut filtered = LightList::default();
+        filter.step(list, &mut filtered).unwrap();
+        filtered
+    };
+    lists.iter().map(step).collect()
+}
+
+fn assert_lawful(list: &LightList) {
+    for light in &list.lights {
+        assert!(light.irradiance.iter().all(|&value| value >= 0.0 && value.is_finite()), "{light:?}");
+        let length = DVec3::from_array(light.direction.map(f64::from)).length();
+        assert!((length - 1.0).abs() < 1e-6, "{light:?}");
+        assert!((0.0..=PI as f32).contains(&light.spread_rad), "{light:?}");
+    }
+    assert!(list.reference_irradiance.iter().all(|&value| value >= 0.0 && value.is_finite()));
+    assert!(list.error.is_finite() && list.error >= 0.0, "{}", list.error);
+    assert_eq!(list.power, list.sum_of_lights());
+}
+
+#[test]
+fn constant_lists_leave_as_they_came_at_every_rate() {
+    for (rate, delay) in
+        [(10.0, 0), (19.2, 3), (24.0, 4), (25.0, 4), (30.0, 5), (60.0, 10), (120.0, 19), (1000.0, 160)]
+    {
+        let frames = 2 * delay + 20;
+        let lists: Vec<LightList> = (0..frames)
+            .map(|t| {
+                list(
+                    t,
+                    rate,
+                    vec![
+                        light(0, direction(0.3, 0.2), [1.5, 2.5, 1e-3]),
+                        light(1, direction(1.2, 6.2), [1e6, 0.0, 7.0]),
+                        light(2, direction(1.5, 3.0), [0.0; 3]),
+                    ],
+                )
+            })
+            .collect();
+        for (came, left) in lists.iter().zip(run(&lists)) {
+            assert_eq!(left.filter_delay_frames, delay as u32);
+            assert_eq!((left.stamp, left.lights.len()), (came.stamp, 3));
+            for (a, b) in came.lights.iter().zip(&left.lights) {
+                assert_eq!((a.id, a.irradiance), (b.id, b.irradiance), "{rate} Hz");
+                assert!((0..3).all(|i| (a.direction[i] - b.direction[i]).abs() < 2e-7), "{a:?} {b:?}");
+                assert!((a.spread_rad - b.spread_rad).abs() < 1e-8);
+            }
+            assert_eq!(came.reference_irradiance, left.reference_irradiance);
+            assert!(left.error < 1e-6, "{}", left.error);
+        }
+    }
+}
+
+#[test]
+fn strobe_at_every_frame_flash_and_step_never_leave_negative_power() {
+    let strobe = |t: usize| if t.is_multiple_of(2) { 1e4f32 } else { 0.0 };
+    let flash = |t: usize| if t == 20 { 1e6f32 } else { 0.01 };
+    let step = |t: usize| if t < 20 { 0.0f32 } else { 1.0 };
+    for (name, signal) in [("strobe", &strobe as &dyn Fn(usize) -> f32), ("flash", &flash), ("step", &step)] {
+        let lists: Vec<LightList> = (0..60).map(|t| lamp(t, 25.0, signal(t))).collect();
+        for left in run(&lists) {
+            assert_lawful(&left);
+            // One light and its own truth pass the same filter.
+            assert!(left.error < 1e-5, "{name}: {}", left.error);
+        }
+    }
+}
+
+#[test]
+fn a_light_arrives_four_frames_late_and_half_way_up_in_between() {
+    let lists: Vec<LightList> = (0..40).map(|t| lamp(t, 25.0, if t < 20 { 1.0 } else { 3.0 })).collect();
+    let left = run(&lists);
+    let power = |t: usize| left[t].lights[0].irradiance[0];
+    // The step response of symmetric taps is at one half between the frames delay - 1 and delay.
+    assert!((0.5 * (power(23) + power(24)) - 2.0).abs() < 1e-5);
+    assert!(power(23) < 2.0 && power(24) > 2.0);
+}
+
+#[test]
+fn energy_of_every_slot_and_channel_is_kept_over_a_long_random_sequence() {
+    let mut state = 5u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1u64 << 24) as f32
+    };
+    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let (mut came, mut left) = ([[0.0f64; 3]; 4], [[0.0f64; 3]; 4]);
+    let mut filtered = LightList::default();
+    let mut input = LightList::default();
+    input.lights = (0..4).map(|id| light(id, direction(0.3 * f64::from(id), 1.0), [0.0; 3])).collect();
+    for t in 0..50_020 {
+        input.stamp = stamp(t, 25.0);
+        for light in &mut input.lights {
+            light.irradiance = [0; 3].map(|_| {
+                let dark = t == 0 || t >= 50_000;
+                if dark { 0.0 } else { 100.0 * random().powi(8) }
+            });
+        }
+        filter.step(&input, &mut filtered).unwrap();
+        for slot in 0..4 {
+            for channel in 0..3 {
+                came[slot][channel] += f64::from(input.lights[slot].irradiance[channel]);
+                left[slot][channel] += f64::from(filtered.lights[slot].irradiance[channel]);
+            }
+        }
+    }
+    let worst = came
+        .iter()
+        .flatten()
+        .zip(left.iter().flatten())
+        .map(|(a, b)| (b / a - 1.0).abs())
+        .fold(0.0, f64::max);
+    println!("50,000 frames: energy of the worst slot and channel off by {worst:.1e}");
+    assert!(worst < 1e-7);
+}
+
+#[test]
+fn a_source_that_jumps_to_the_opposite_side_goes_over_without_leaving_the_sphere() {
+    for rate in [25.0, 60.0, 240.0] {
+        for miss in [0.0, 1e-3, 0.05] {
+            let from = direction(1.0, 0.5);
+            let to = -direction(1.0 + miss, 0.5);
+            let lists: Vec<LightList> = (0..200)
+                .map(|t| list(t, rate, vec![light(0, if t < 50 { from } else { to }, [1.0; 3])]))
+                .collect();
+            let left = run(&lists);
+            left.iter().for_each(assert_lawful);
+            let towards = |t: usize| DVec3::from_array(left[t].lights[0].direction.map(f64::from));
+            assert!(angle_between(towards(49), from) < 1e-6 && angle_between(towards(199), to) < 1e-6);
+            // Never between the two, where nothing is: always near one of them.
+            let astray = (0..200)
+                .map(|t| angle_between(towards(t), from).min(angle_between(towards(t), to)))
+                .fold(0.0, f64::max);
+            assert!(astray < 12.0 * miss + 1e-6, "{rate} Hz, {miss} rad: {astray}");
+        }
+    }
+}
+
+#[test]
+fn directions_turn_smoothly_and_lag_by_the_delay() {
+    let at = |t: f64| direction(0.8, 0.02 * t);
+    let lists: Vec<LightList> =
+        (0..60).map(|t| list(t, 25.0, vec![light(0, at(t as f64), [1.0; 3])])).collect();
+    for (t, left) in run(&lists).iter().enumerate().skip(8) {
+        let towards = DVec3::from_array(left.lights[0].direction.map(f64::from));
+        // Symmetric taps leave the azimuth at the centre tap's; the polar angle bends in a little.
+        assert!(angle_between(towards, at(t as f64 - 4.0)) < 5e-3);
+    }
+}
+
+#[test]
+fn lost_frames_hold_the_last_list_up_to_the_length_of_the_filter() {
+    let value = |t: usize| 1.0 + (t % 7) as f32;
+    for lost in 1..=9 {
+        let complete: Vec<LightList> = (0..60)
+            .map(|t| lamp(t, 25.0, if (30..30 + lost).contains(&t) { value(29) } else { value(t) }))
+            .collect();
+        let mut gappy = complete.clone();
+        gappy.drain(30..30 + lost);
+        gappy[30].stamp.lost_before = lost as u64;
+        let (complete, gappy) = (run(&complete), run(&gappy));
+        for t in 30 + lost..60 {
+            let other = &gappy[t - lost];
+            assert_eq!((&other.lights, other.stamp.sequence), (&complete[t].lights, t as u64), "{lost}");
+        }
+        assert_eq!(gappy[30].stamp.lost_before, lost as u64);
+    }
+}
+
+/// Whether the filter forgot everything before the last of these lists.
+fn forgot(lists: &[LightList]) -> bool {
+    let last = lists.last().unwrap();
+    run(lists).last().unwrap().lights == run(std::slice::from_ref(last)).last().unwrap().lights
+}
+
+#[test]
+fn longer_gaps_backwards_time_and_changed_rates_or_sizes_start_afresh() {
+    let before: Vec<LightList> = (0..30).map(|t| lamp(t, 25.0, 5.0)).collect();
+    let after = |change: &dyn Fn(&mut LightList)| {
+        let mut lists = before.clone();
+        let mut last = lamp(30, 25.0, 1.0);
+        change(&mut last);
+        lists.push(last);
+        forgot(&lists)
+    };
+    assert!(!after(&|_| ()));
+    assert!(!after(&|list| list.stamp.lost_before = 9 - 1));
+    assert!(after(&|list| list.stamp.lost_before = 10));
+    assert!(after(&|list| list.stamp.lost_before = u64::MAX));
+    assert!(!after(&|list| list.stamp.capture_time_ns = before[29].stamp.capture_time_ns));
+    assert!(after(&|list| list.stamp.capture_time_ns = before[29].stamp.capture_time_ns - 1));
+    assert!(after(&|list| list.stamp.capture_time_ns = i64::MIN));
+    assert!(after(&|list| list.stamp.frame_rate_hz = 30.0));
+    assert!(after(&|list| list.lights.push(list.lights[0])));
+    assert!(after(&|list| list.reference_irradiance.truncate(10)));
+}
+
+#[test]
+fn starting_afresh_forgives_debts() {
+    let mut lists: Vec<LightList> = (0..12).map(|t| lamp(t, 25.0, if t == 4 { 1e6 } else { 1.0 })).collect();
+    lists.push(lamp(0, 25.0, 1.0));
+    let left = run(&lists);
+    assert_eq!(left[12].lights[0].irradiance, [1.0, 2.0, 0.5]);
+}
+
+#[test]
+fn slots_of_no_power_stay_dark_and_keep_a_direction() {
+    let lists: Vec<LightList> = (0..30)
+        .map(|t| {
+            let flash = if t == 5 { 1e5 } else { 0.0 };
+            list(
+                t,
+                25.0,
+                vec![
+                    light(0, direction(0.1, 0.0), [flash, 0.0, flash]),
+                    light(1, direction(1.0, 2.0), [0.0; 3]),
+                ],
+            )
+        })
+        .collect();
+    for (t, left) in run(&lists).iter().enumerate() {
+        assert_lawful(left);
+        assert_eq!(left.lights[1].irradiance, [0.0; 3]);
+        assert_eq!(left.lights[0].irradiance[1], 0.0);
+        assert_eq!(left.lights[0].irradiance[0] > 0.0, matches!(t, 5 | 6 | 8..=10), "frame {t}: {left:?}");
+    }
+}
+
+#[test]
+fn numbers_that_break_the_contract_never_leave() {
+    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let mut filtered = LightList::default();
+    for t in 0..30 {
+        let mut input = lamp(t, 25.0, 1e30);
+        if t == 10 {
+            input.lights[0].irradiance = [f32::NAN, f32::INFINITY, -1.0];
+            input.lights[0].direction = [f32::NAN; 3];
+            input.lights[0].spread_rad = f32::NAN;
+            input.reference_irradiance[3] = f32::NAN;
+        }
+        if t == 11 {
+            input.lights[0].direction = [0.0; 3];
+        }
+        filter.step(&input, &mut filtered).unwrap();
+        assert_lawful(&filtered);
+    }
+}
+
+#[test]
+fn list_that_is_not_filtered_is_a_copy() {
+    let mut input = lamp(0, 15.0, 2.0);
+    (input.error, input.prefix_errors, input.filter_delay_frames) = (0.5, vec![(1, 0.5)], 0);
+    assert_eq!(run(&[input.clone()])[0], input);
+}
+
+#[test]
+fn empty_list_passes() {
+    let mut input = LightList::default();
+    input.stamp = stamp(0, 25.0);
+    let left = run(&[input.clone(), input]);
+    assert_eq!((left[1].lights.len(), left[1].error, left[1].filter_delay_frames), (0, 0.0, 4));
+}
+
+#[test]
+fn frame_rate_too_high_for_a_filter_is_an_error_and_the_next_list_a_start() {
+    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let mut filtered = LightList::default();
+    filter.step(&lamp(0, 25.0, 1.0), &mut filtered).unwrap();
+    assert_eq!(filter.step(&lamp(1, 5000.0, 1.0), &mut filtered).unwrap_err().kind(), Kind::Usage);
+    filter.step(&lamp(2, 25.0, 3.0), &mut filtered).unwrap();
+    assert_eq!(filtered.lights[0].irradiance, [3.0, 6.0, 1.5]);
+    let wrong = FilterOptions { stop_hz: 1.0, ..FilterOptions::default() };
+    assert!(LightFilter::new(&wrong).unwrap_err().to_string().contains("stop_hz"));
+}
+
+/// Prints a time; run it with `--release` when it matters.
+#[test]
+fn time_of_300_lights_at_9_taps_is_printed() {
+    let lights = |t: usize| {
+        (0..300)
+            .map(|id| {
+                light(id, direction(f64::from(id) * 0.005, (id as usize + t) as f64 * 0.1), [id as f32; 3])
+            })
+            .collect()
+    };
+    let lists: Vec<LightList> = (0..20).map(|t| list(t, 25.0, lights(t))).collect();
+    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let mut filtered = LightList::default();
+    for list in &lists {
+        filter.step(list, &mut filtered).unwrap();
+    }
+    let start = std::time::Instant::now();
+    for _ in 0..50 {
+        for list in &lists {
+            write_row(list, filter.history.push());
+            filter.write_energies(&mut filtered);
+            filter.write_directions_and_spreads(&mut filtered);
+        }
+    }
+    let without_error = start.elapsed() / 1000;
+    let start = std::time::Instant::now();
+    for list in &lists {
+        filter.error.prefix_errors(&filtered.lights, &list.reference_irradiance, &mut filtered.prefix_errors);
+    }
+    println!("300 lights, 9 taps: {without_error:?} a frame and {:?} for the errors", start.elapsed() / 20);
+    filter.step(&lists[19], &mut filtered).unwrap();
+    assert_lawful(&filtered);
+}
