@@ -1,11 +1,25 @@
-//! From a polar map to a short list of directional lights.
+//! From a polar map to a short list of directional lights (METHODS section 6).
+//!
+//! [`Extractor`] is the stage's algorithm: it places sites by importance sampling or takes those of the last frame,
+//! gives every pixel to its nearest site and sums the cells up to lights. [`prefix`] shortens a list.
 
+mod equal_power;
 pub mod error;
+mod extractor;
 mod list;
 pub mod measure;
+mod nearest;
 mod prefix;
 mod reference;
+mod refine;
 
+#[cfg(test)]
+mod extractor_tests;
+#[cfg(test)]
+pub(crate) mod test_maps;
+
+pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
 pub use list::{Light, LightList};
+pub use nearest::NearestSites;
 pub use prefix::prefix;
 pub use reference::MapIrradiance;

@@ -1,120 +1,187 @@
-//! Shorter lists from a long one (METHODS section 6): a renderer that can afford m lights takes the prefix of
-//! length m, in which every later light has joined its nearest among the first m.
-
 use super::Light;
-use glam::Vec3;
+use super::refine::Share;
 
-/// Writes the prefix of length `count` into `prefix`. RGB irradiances add, the direction becomes the
-/// luminance-weighted mean, and the spread is the RMS angle of the whole about it:
-/// `spread^2 = sum f_i (spread_i^2 + angle_i^2) / sum f_i`. A light without power keeps its direction.
-/// A `count` of the whole list or more copies it.
-pub fn prefix(lights: &[Light], count: usize, prefix: &mut Vec<Light>) {
-    let (kept, joining) = lights.split_at(count.min(lights.len()));
-    prefix.clear();
-    prefix.extend_from_slice(kept);
-    if kept.is_empty() || joining.is_empty() {
+/// Lights that look for their head together: enough for every vector unit.
+const LANES: usize = 16;
+
+/// The first `count` of `lights`, with every later light joined to the nearest of them (METHODS section 6).
+///
+/// Powers add. The direction becomes the mean of the joined directions, weighted by luminous flux times `cos
+/// spread_rad`: the first moment of what the lights stand for. Spreads merge likewise (the cosine of the joined
+/// spread is the length of the summed moments over the summed flux), so that the joined light has the flux, direction
+/// and spread that the union of the shares would have had. Heads keep their `id`; those without power keep their
+/// direction until something with power joins them.
+///
+/// A `count` of 0 gives no lights; one of at least the number of lights gives them as they are. `joined` is the
+/// caller's storage; it is used up to the length of `lights`.
+pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
+    joined.clear();
+    if count == 0 {
         return;
     }
-    // First pass: sums. `direction` holds the luminance-weighted sum of vectors, `spread_rad` the sum of squares.
-    for light in prefix.iter_mut() {
-        let weight = light.luminance();
-        light.direction = (Vec3::from(light.direction) * weight).to_array();
-        light.spread_rad = weight * light.spread_rad * light.spread_rad;
+    joined.extend_from_slice(lights);
+    if count >= lights.len() {
+        return;
     }
-    for light in joining {
-        let weight = light.luminance();
-        if weight <= 0.0 {
-            continue;
-        }
-        let direction = Vec3::from(light.direction);
-        let target = &mut prefix[nearest(kept, direction)];
-        for channel in 0..3 {
-            target.irradiance[channel] += light.irradiance[channel];
-        }
-        target.direction = (Vec3::from(target.direction) + direction * weight).to_array();
-        target.spread_rad += weight * light.spread_rad * light.spread_rad;
-    }
-    // Second pass: means. What the directions of the parts spread about their mean follows from the length of the
-    // mean vector, 1 - |mean| = angle^2 / 2 to second order, so the parts need not be visited again.
-    for (light, original) in prefix.iter_mut().zip(kept) {
-        let weight = light.luminance();
-        let sum = Vec3::from(light.direction);
-        match sum.try_normalize() {
-            Some(direction) if weight > 0.0 => {
-                light.direction = direction.to_array();
-                let between = 2.0 * (1.0 - sum.length() / weight).max(0.0);
-                light.spread_rad = (light.spread_rad / weight + between).sqrt();
-            }
-            _ => {
-                light.direction = original.direction;
-                light.spread_rad = original.spread_rad;
-            }
+    let (heads, tail) = joined.split_at_mut(count);
+    // A joining light no longer needs its id: it holds the index of the head until all is summed.
+    for group in tail.chunks_mut(LANES) {
+        let nearest = nearest_heads(heads, group);
+        for (light, head) in group.iter_mut().zip(nearest) {
+            light.id = head;
         }
     }
+    tail.sort_unstable_by_key(|light| light.id);
+    for joining in tail.chunk_by(|a, b| a.id == b.id) {
+        if joining.iter().all(|light| light.irradiance == [0.0; 3]) {
+            continue; // not even rounded anew
+        }
+        let head = &mut heads[joining[0].id as usize];
+        let mut share = Share::of(head);
+        for light in joining {
+            share.add(&Share::of(light));
+        }
+        *head = share.light(head.id, head.direction);
+    }
+    joined.truncate(count);
 }
 
-/// Index of the light whose direction is nearest, the lowest index among equals.
-fn nearest(lights: &[Light], direction: Vec3) -> usize {
-    let mut best = (0, f32::NEG_INFINITY);
-    for (index, light) in lights.iter().enumerate() {
-        let cosine = direction.dot(light.direction.into());
-        if cosine > best.1 {
-            best = (index, cosine);
+/// For up to [`LANES`] lights the index of the nearest head; the first of equally near ones.
+fn nearest_heads(heads: &[Light], lights: &[Light]) -> [u32; LANES] {
+    let mut directions = [[0.0; LANES]; 3];
+    for (lane, light) in lights.iter().enumerate() {
+        for axis in 0..3 {
+            directions[axis][lane] = light.direction[axis];
         }
     }
-    best.0
+    let [x, y, z] = directions;
+    let mut best = [f32::NEG_INFINITY; LANES];
+    let mut index = [0; LANES];
+    for (head, light) in heads.iter().enumerate() {
+        let d = light.direction;
+        for lane in 0..LANES {
+            let dot = x[lane] * d[0] + y[lane] * d[1] + z[lane] * d[2];
+            let better = dot > best[lane];
+            best[lane] = if better { dot } else { best[lane] };
+            index[lane] = if better { head as u32 } else { index[lane] };
+        }
+    }
+    index
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::direction;
+    use crate::math::{angle_between, direction};
+    use glam::DVec3;
 
-    fn light(id: u32, theta: f64, phi: f64, irradiance: f32) -> Light {
-        let direction = direction(theta, phi).as_vec3().to_array();
-        Light { id, direction, irradiance: [irradiance; 3], spread_rad: 0.1 }
+    fn light(id: u32, theta: f64, phi: f64, power: f32, spread_rad: f32) -> Light {
+        Light {
+            id,
+            direction: direction(theta, phi).as_vec3().to_array(),
+            irradiance: [power, 0.5 * power, 0.25 * power],
+            spread_rad,
+        }
     }
 
     #[test]
-    fn later_lights_join_their_nearest() {
-        let lights = [
-            light(0, 0.5, 0.0, 1.0),
-            light(1, 0.5, 3.0, 2.0),
-            light(2, 0.6, 3.0, 2.0),
-            light(3, 0.4, 0.0, 0.0),
-        ];
-        let mut short = Vec::new();
-        prefix(&lights, 2, &mut short);
-        assert_eq!(short.len(), 2);
-        assert!((short[0].irradiance[0] - 1.0).abs() < 1e-6 && (short[1].irradiance[1] - 4.0).abs() < 1e-6);
-        let mean = direction(0.55, 3.0).as_vec3();
-        assert!((Vec3::from(short[1].direction) - mean).length() < 1e-6);
-        // Two equal parts 0.05 rad to either side of the mean, each 0.1 wide.
-        assert!((short[1].spread_rad - 0.0125f32.sqrt()).abs() < 1e-4, "{}", short[1].spread_rad);
-        assert!((short[0].spread_rad - 0.1).abs() < 1e-3);
+    fn two_equal_lights_join_in_the_middle_with_half_their_angle_as_spread() {
+        let lights = [light(7, 0.5, 1.0, 2.0, 0.0), light(3, 0.7, 1.0, 2.0, 0.0)];
+        let mut joined = Vec::new();
+        prefix(&lights, 1, &mut joined);
+        assert_eq!(joined.len(), 1);
+        assert_eq!((joined[0].id, joined[0].irradiance), (7, [4.0, 2.0, 1.0]));
+        let d = DVec3::from(joined[0].direction.map(f64::from));
+        assert!(angle_between(d, direction(0.6, 1.0)) < 1e-7);
+        assert!((joined[0].spread_rad - 0.1).abs() < 1e-6, "{}", joined[0].spread_rad);
     }
 
     #[test]
-    fn whole_list_and_dark_lists_stay_as_they_are() {
-        let lights = [light(0, 0.5, 0.0, 0.0), light(1, 0.5, 3.0, 0.0)];
-        let mut short = Vec::new();
-        prefix(&lights, 2, &mut short);
-        assert_eq!(short, lights);
-        prefix(&lights, 1, &mut short);
-        assert_eq!(short, lights[..1]);
-        prefix(&[], 4, &mut short);
-        assert!(short.is_empty());
-        prefix(&lights, 0, &mut short);
-        assert!(short.is_empty());
+    fn joining_in_steps_and_at_once_give_the_same_light() {
+        let lights: Vec<Light> = (0..9)
+            .map(|i| {
+                light(i, 0.4 + 0.03 * f64::from(i), 0.1 * f64::from(i * i), 1.0 + i as f32, 0.01 * i as f32)
+            })
+            .collect();
+        let (mut once, mut half, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+        prefix(&lights, 1, &mut once);
+        prefix(&lights, 4, &mut half);
+        prefix(&half, 1, &mut steps);
+        let apart = angle_between(
+            DVec3::from(once[0].direction.map(f64::from)),
+            DVec3::from(steps[0].direction.map(f64::from)),
+        );
+        assert!(apart < 1e-6, "{apart}");
+        assert!((once[0].spread_rad / steps[0].spread_rad - 1.0).abs() < 1e-5);
+        assert!((once[0].irradiance[0] / steps[0].irradiance[0] - 1.0).abs() < 1e-6);
     }
 
     #[test]
-    fn opposite_lights_of_equal_power_keep_the_first_direction() {
-        let mut lights = [light(0, 0.0, 0.0, 1.0), light(1, 1.0, 0.0, 1.0)];
+    fn every_light_joins_its_nearest_and_power_is_kept() {
+        let lights: Vec<Light> = crate::math::fibonacci_sphere(500)
+            .enumerate()
+            .map(|(i, d)| Light {
+                id: i as u32,
+                direction: d.as_vec3().to_array(),
+                irradiance: [(i % 7) as f32; 3],
+                spread_rad: 0.0,
+            })
+            .collect();
+        let mut joined = Vec::new();
+        for count in [1, 8, 33, 499, 500, 600] {
+            prefix(&lights, count, &mut joined);
+            assert_eq!(joined.len(), count.min(500));
+            let sum = |list: &[Light]| list.iter().map(|l| f64::from(l.irradiance[1])).sum::<f64>();
+            assert!((sum(&joined) / sum(&lights) - 1.0).abs() < 1e-6, "{count}");
+            // The slow way: power of each head by brute force in f64.
+            let mut expected: Vec<f64> =
+                lights.iter().take(count).map(|l| f64::from(l.irradiance[0])).collect();
+            for late in lights.iter().skip(count) {
+                let d = |l: &Light| {
+                    DVec3::from(l.direction.map(f64::from)).dot(DVec3::from(late.direction.map(f64::from)))
+                };
+                let head = (0..count).max_by(|&a, &b| d(&lights[a]).total_cmp(&d(&lights[b]))).unwrap();
+                expected[head] += f64::from(late.irradiance[0]);
+            }
+            for (light, power) in joined.iter().zip(expected) {
+                assert!((f64::from(light.irradiance[0]) - power).abs() < 1e-4, "{count} {}", light.id);
+            }
+        }
+    }
+
+    #[test]
+    fn heads_without_power_keep_their_place_or_take_over_what_joins() {
+        let lights =
+            [light(0, 0.1, 0.0, 0.0, 0.0), light(1, 1.5, 0.0, 0.0, 0.0), light(2, 0.2, 3.0, 1.0, 0.02)];
+        let mut joined = Vec::new();
+        prefix(&lights, 2, &mut joined);
+        assert_eq!(joined[1], lights[1]);
+        assert_eq!(joined[0].irradiance, lights[2].irradiance);
+        assert!((joined[0].spread_rad - 0.02).abs() < 1e-6 && joined[0].id == 0);
+        prefix(&lights, 0, &mut joined);
+        assert!(joined.is_empty());
+        prefix(&[], 4, &mut joined);
+        assert!(joined.is_empty());
+    }
+
+    #[test]
+    fn lights_that_nothing_with_power_joins_stay_as_they_are() {
+        let lights =
+            [light(0, 0.5, 0.0, 0.0, 0.1), light(1, 0.5, 3.0, 1.0, 0.1), light(2, 0.6, 3.0, 0.0, 0.1)];
+        let mut joined = Vec::new();
+        prefix(&lights, 2, &mut joined);
+        assert_eq!(joined, lights[..2]);
+        prefix(&lights[..1], 1, &mut joined);
+        assert_eq!(joined, lights[..1]);
+    }
+
+    #[test]
+    fn opposite_lights_of_equal_power_keep_the_first_direction_and_spread_to_a_right_angle() {
+        let mut lights = [light(0, 0.0, 0.0, 1.0, 0.0), light(1, 1.0, 0.0, 1.0, 0.0)];
         lights[1].direction = [0.0, -1.0, 0.0];
-        let mut short = Vec::new();
-        prefix(&lights, 1, &mut short);
-        assert_eq!(short[0].direction, lights[0].direction);
-        assert_eq!(short[0].irradiance, [2.0; 3]);
+        let mut joined = Vec::new();
+        prefix(&lights, 1, &mut joined);
+        assert_eq!((joined[0].direction, joined[0].irradiance), (lights[0].direction, [2.0, 1.0, 0.5]));
+        assert!((joined[0].spread_rad - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
     }
 }

@@ -1,0 +1,228 @@
+use super::equal_power::equal_power;
+use super::error::ListError;
+use super::nearest::NearestSites;
+use super::refine::Cells;
+use super::{Light, LightList, MapIrradiance};
+use crate::error::{Error, Result};
+use crate::image::{PolarMap, PolarShape, luminance};
+use crate::sampling::{Bicontinuous, Standard, sample_points};
+use serde::Deserialize;
+
+/// The most lights and pixels that an [`Extractor`] accepts.
+///
+/// Relaxation measures Voronoi cells on 65,536 lattice points; more lights than a quarter of that would have cells of
+/// fewer than four. Site numbers and tables stay far inside u32 and memory for 2^28 pixels (3 GiB of map).
+pub const MAX_LIGHTS: usize = 16_384;
+const MAX_PIXELS: usize = 1 << 28;
+
+/// How a map becomes lights (METHODS section 6).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampler {
+    /// The paper's: lights of equal luminous power at the samples.
+    EqualPower,
+    /// Cells about samples of luminance^0.75; their flux, mean direction and spread. For single maps.
+    Refined,
+    /// As refined, about the directions of the last frame. For sequences.
+    #[default]
+    Persistent,
+}
+
+/// Which inverse transform places samples (METHODS section 5).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Inversion {
+    /// [`Bicontinuous`].
+    #[default]
+    Bicontinuous,
+    /// [`Standard`], the baseline.
+    Standard,
+}
+
+/// What to extract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "snake_case")]
+pub struct Options {
+    /// Number of lights, 1 to [`MAX_LIGHTS`]. Samples are spread best at counts of the form 2^k 3^m.
+    pub count: usize,
+    /// How a map becomes lights.
+    pub sampler: Sampler,
+    /// Which inverse transform places samples.
+    pub inversion: Inversion,
+    /// Steps of Lloyd's relaxation of the sample points, 0 to 100, at start-up.
+    pub relaxation_steps: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            count: 64,
+            sampler: Sampler::default(),
+            inversion: Inversion::default(),
+            // What the tables of METHODS were measured with.
+            relaxation_steps: 4,
+        }
+    }
+}
+
+/// Extracts the lights of one polar map after another.
+#[derive(Clone, Debug)]
+pub struct Extractor {
+    shape: PolarShape,
+    sampler: Sampler,
+    points: Vec<[f64; 2]>,
+    distribution: Distribution,
+    importance: Vec<f32>,
+    sites: Vec<[f32; 3]>,
+    /// Whether `sites` are the directions of a frame that had light.
+    lit: bool,
+    nearest_sites: NearestSites,
+    nearest: Vec<u32>,
+    cells: Cells,
+    map_irradiance: MapIrradiance,
+    list_error: ListError,
+}
+
+#[derive(Clone, Debug)]
+enum Distribution {
+    Standard(Standard),
+    Bicontinuous(Bicontinuous),
+}
+
+impl Extractor {
+    /// Prepares points and tables for maps of one shape.
+    ///
+    /// # Errors
+    /// `Usage` for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps, and for a shape without
+    /// pixels, with too many, or not within the sphere.
+    pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
+        let Options { count, sampler, inversion, relaxation_steps } = *options;
+        if !(1..=MAX_LIGHTS).contains(&count) {
+            return Err(Error::usage(format!("count: {count} lights; give 1 to {MAX_LIGHTS}")));
+        }
+        if relaxation_steps > 100 {
+            return Err(Error::usage(format!(
+                "relaxation_steps: {relaxation_steps}; a few suffice, give 0 to 100"
+            )));
+        }
+        let pixels = shape.columns.checked_mul(shape.rows).filter(|&n| (1..=MAX_PIXELS).contains(&n));
+        if pixels.is_none() {
+            return Err(Error::usage(format!(
+                "a polar map of {} x {} pixels; give 1 to {MAX_PIXELS} pixels in all",
+                shape.columns, shape.rows
+            )));
+        }
+        // Written so that NaN is refused.
+        if !(shape.theta_max_rad > 0.0 && shape.theta_max_rad <= std::f64::consts::PI) {
+            return Err(Error::usage(format!(
+                "a polar map down to theta = {} rad; give more than 0 and at most pi",
+                shape.theta_max_rad
+            )));
+        }
+        let z = |row: f64| 2.0 * (0.5 * shape.theta_max_rad * row / shape.rows as f64).sin().powi(2);
+        let distribution = match inversion {
+            Inversion::Standard => {
+                let edges: Vec<f64> = (0..=shape.rows).map(|row| z(row as f64)).collect();
+                Distribution::Standard(Standard::new(shape.columns, &edges))
+            }
+            Inversion::Bicontinuous => {
+                let centres: Vec<f64> = (0..shape.rows).map(|row| z(row as f64 + 0.5)).collect();
+                Distribution::Bicontinuous(Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64)))
+            }
+        };
+        Ok(Self {
+            shape,
+            sampler,
+            points: sample_points(count, relaxation_steps),
+            distribution,
+            importance: vec![0.0; shape.len()],
+            sites: Vec::with_capacity(count),
+            lit: false,
+            nearest_sites: NearestSites::new(shape, count),
+            nearest: vec![0; shape.len()],
+            cells: Cells::new(shape.columns, count),
+            map_irradiance: MapIrradiance::new(shape),
+            list_error: ListError::new(),
+        })
+    }
+
+    /// Fills `list` with the lights of `map`: stamp, lights in slot order, their power, error and prefix errors.
+    ///
+    /// Equal-power lights keep the luminous power of the map, the others its RGB power. A map without light gives
+    /// lights without power: towards uniform directions, or, persistent, where they were.
+    ///
+    /// # Panics
+    /// If the map is not of this extractor's shape.
+    pub fn step(&mut self, map: &PolarMap, list: &mut LightList) {
+        assert!(map.shape == self.shape && map.pixels.len() == self.shape.len(), "the map's shape");
+        list.stamp = map.stamp;
+        list.filter_delay_frames = 0;
+        match self.sampler {
+            Sampler::EqualPower => {
+                self.sample_sites(map, luminance);
+                equal_power(map, &self.sites, &mut list.lights);
+            }
+            Sampler::Refined => {
+                self.sample_sites(map, dampened);
+                self.refine(map, &mut list.lights);
+            }
+            Sampler::Persistent => {
+                // Until there was light, the last directions say nothing about where to look for it.
+                if !self.lit {
+                    self.sample_sites(map, dampened);
+                }
+                self.refine(map, &mut list.lights);
+                self.lit |= list.lights.iter().any(|light| light.irradiance != [0.0; 3]);
+                for (site, light) in self.sites.iter_mut().zip(&list.lights) {
+                    *site = light.direction;
+                }
+            }
+        }
+        list.power = list.sum_of_lights();
+        self.map_irradiance.reference(map, &mut list.reference_irradiance);
+        self.list_error.prefix_errors(&list.lights, &list.reference_irradiance, &mut list.prefix_errors);
+        list.error = list.prefix_errors.last().map_or(0.0, |&(_, error)| error);
+    }
+
+    /// For every pixel, row-major, the slot of the light that the last frame gave it to; not used by equal power.
+    pub fn nearest(&self) -> &[u32] {
+        &self.nearest
+    }
+
+    /// Puts the sites where the inverse transform of `importance(pixel)` takes the points.
+    fn sample_sites(&mut self, map: &PolarMap, importance: impl Fn([f32; 3]) -> f32) {
+        for (value, &pixel) in self.importance.iter_mut().zip(&map.pixels) {
+            *value = importance(pixel);
+        }
+        self.sites.clear();
+        match &mut self.distribution {
+            Distribution::Standard(standard) => {
+                standard.update(&self.importance);
+                self.sites.extend(self.points.iter().map(|&u| site(standard.sample(u))));
+            }
+            Distribution::Bicontinuous(bicontinuous) => {
+                bicontinuous.update(&self.importance);
+                self.sites.extend(self.points.iter().map(|&u| site(bicontinuous.sample(u))));
+            }
+        }
+    }
+
+    fn refine(&mut self, map: &PolarMap, lights: &mut Vec<Light>) {
+        self.nearest_sites.assign(&self.sites, &mut self.nearest);
+        self.cells.refine(map, &self.nearest, &self.sites, lights);
+    }
+}
+
+/// Importance for sites: luminance^0.75. Sites by luminance itself crowd in the brightest spots, where one light is as
+/// good as ten.
+fn dampened(pixel: [f32; 3]) -> f32 {
+    let root = luminance(pixel).sqrt();
+    root * root.sqrt()
+}
+
+/// Unit vector of `[z, phi]`, z = 1 - cos theta.
+fn site([z, phi]: [f64; 2]) -> [f32; 3] {
+    let sin_theta = (z * (2.0 - z)).max(0.0).sqrt();
+    let (sin_phi, cos_phi) = phi.sin_cos();
+    [(sin_theta * cos_phi) as f32, (1.0 - z) as f32, (sin_theta * sin_phi) as f32]
+}
