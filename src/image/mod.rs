@@ -1,10 +1,17 @@
 //! Pictures as numbers: what a source delivers ([`Frame`]), what the lights are taken from ([`PolarMap`]), and
-//! the files that hold them.
+//! the files that hold them ([`read`], [`write_exr`], [`write_png16`], [`write_png8`]).
 
+mod file;
 mod frame;
+mod open_exr;
+mod png;
 mod polar_map;
+mod radiance;
 
+pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, read};
 pub use frame::{Frame, Pixels, Stamp};
+pub use open_exr::write_exr;
+pub use png::{write_png8, write_png16};
 pub use polar_map::{PolarMap, PolarShape};
 
 /// Luminance `0.2126 R + 0.7152 G + 0.0722 B` of linear Rec. 709 radiance.

@@ -1,0 +1,165 @@
+use crate::error::{Error, Result};
+use crate::image::file::{check_samples, replace};
+use crate::image::{Frame, Pixels};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes,
+    LineOrder, SmallVec, Vec2, WritableImage, f16,
+};
+use std::path::Path;
+
+/// Writes radiance as an OpenEXR file, channels `R`, `G`, `B` or `Y`, ZIP-compressed (lossless) scan lines.
+///
+/// `half` halves the size: 11 bits of precision, values from 65520 up become infinite. The frame rate goes into
+/// `framesPerSecond`. The same frame gives the same bytes each time.
+///
+/// # Errors
+///
+/// A frame of sensor codes (those go into [`write_png16`](crate::image::write_png16)) or of the wrong length, a frame
+/// rate that is not a positive number, a file that cannot be written.
+pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: bool) -> Result<()> {
+    let Pixels::Radiance(values) = &frame.pixels else {
+        return Err(Error::failed("holds sensor codes, which are written as 16-bit PNG").at(path.display()));
+    };
+    replace(path, |writer| {
+        check_samples(frame.width, frame.height, frame.channels, values.len())?;
+        let attributes = LayerAttributes {
+            frames_per_second: frame_rate_hz.map(rational).transpose()?,
+            ..LayerAttributes::default()
+        };
+        let names: &[&str] = if frame.channels == 1 { &["Y"] } else { &["R", "G", "B"] };
+        let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = names
+            .iter()
+            .enumerate()
+            .map(|(place, &name)| {
+                let samples = values.iter().skip(place).step_by(frame.channels);
+                AnyChannel::new(
+                    name,
+                    if half {
+                        FlatSamples::F16(samples.map(|&value| f16::from_f32(value)).collect())
+                    } else {
+                        FlatSamples::F32(samples.copied().collect())
+                    },
+                )
+            })
+            .collect();
+        let encoding = Encoding {
+            compression: Compression::ZIP16,
+            blocks: Blocks::ScanLines,
+            line_order: LineOrder::Increasing,
+        };
+        let layer =
+            Layer::new(Vec2(frame.width, frame.height), attributes, encoding, AnyChannels::sort(channels));
+        Image::from_layer(layer)
+            .write()
+            .non_parallel()
+            .to_buffered(writer)
+            .map_err(|error| Error::failed("cannot be written").because(error))
+    })
+}
+
+/// A rate as OpenEXR stores it: a whole number, an NTSC rate (24000/1001 and its kin), or millionths.
+fn rational(rate_hz: f64) -> Result<(i32, u32)> {
+    // 23.976 and 29.97 are how people write 24000/1001 and 30000/1001: right to 1e-6.
+    for (divisor, tolerance) in [(1_u32, 1e-12), (1001, 2e-6), (1_000_000, f64::INFINITY)] {
+        let count = (rate_hz * f64::from(divisor)).round();
+        let deviation = (count / f64::from(divisor) / rate_hz - 1.0).abs();
+        if (1.0..=f64::from(i32::MAX)).contains(&count) && deviation <= tolerance {
+            let ntsc = divisor == 1001;
+            if !ntsc || count % 1000.0 == 0.0 {
+                return Ok((count as i32, divisor));
+            }
+        }
+    }
+    Err(Error::failed(format!(
+        "cannot be written: a frame rate of {rate_hz} Hz is not between 1e-6 and 2147 Hz"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Kind;
+    use crate::image::{Attributes, LatLongCentres, read};
+
+    fn ramp(width: usize, height: usize, channels: usize) -> Frame {
+        let values = (0..width * height * channels).map(|n| n as f32 * 0.25 - 1.0).collect();
+        Frame { width, height, channels, pixels: Pixels::Radiance(values), ..Frame::default() }
+    }
+
+    #[test]
+    fn rgb_and_luminance_come_back_with_their_rate() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let mut read_back = Frame::default();
+        // 37 rows: the last block of 16 scan lines is cut. Quarters below 512 are exact in half precision.
+        for (channels, half) in [(1, true), (3, true), (1, false), (3, false)] {
+            let frame = ramp(13, 37, channels);
+            write_exr(&path, &frame, Some(25.0), half).unwrap();
+            let attributes = read(&path, &mut read_back).unwrap();
+            assert_eq!(read_back, frame);
+            let expected = Attributes { frame_rate_hz: Some(25.0), latlong_centres: LatLongCentres::Half };
+            assert_eq!(attributes, expected);
+        }
+        write_exr(&path, &ramp(1, 1, 1), None, false).unwrap();
+        assert_eq!(read(&path, &mut read_back).unwrap().frame_rate_hz, None);
+        assert_eq!((read_back.width, read_back.height), (1, 1));
+    }
+
+    #[test]
+    fn nan_infinite_and_negative_samples_and_half_overflow_are_delivered() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let values = vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -2.5, 65504.0, 1e6];
+        let frame =
+            Frame { width: 2, height: 1, channels: 3, pixels: Pixels::Radiance(values), ..Frame::default() };
+        for half in [false, true] {
+            write_exr(&path, &frame, None, half).unwrap();
+            let mut read_back = Frame::default();
+            read(&path, &mut read_back).unwrap();
+            let Pixels::Radiance(values) = read_back.pixels else { panic!("codes") };
+            assert!(values[0].is_nan());
+            let last = if half { f32::INFINITY } else { 1e6 };
+            assert_eq!(values[1..], [f32::INFINITY, f32::NEG_INFINITY, -2.5, 65504.0, last]);
+        }
+    }
+
+    #[test]
+    fn same_frame_gives_the_same_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        let [one, two] = ["1.exr", "2.exr"].map(|name| folder.path().join(name));
+        write_exr(&one, &ramp(64, 40, 3), Some(23.976), true).unwrap();
+        write_exr(&two, &ramp(64, 40, 3), Some(23.976), true).unwrap();
+        assert_eq!(std::fs::read(one).unwrap(), std::fs::read(two).unwrap());
+    }
+
+    #[test]
+    fn rates_become_the_usual_rationals() {
+        for (rate, expected) in [
+            (25.0, (25, 1)),
+            (1000.0, (1000, 1)),
+            (23.976, (24000, 1001)),
+            (29.97, (30000, 1001)),
+            (60_000.0 / 1001.0, (60000, 1001)),
+            (12.5, (12_500_000, 1_000_000)),
+            (1.0 / 3.0, (333_333, 1_000_000)),
+        ] {
+            assert_eq!(rational(rate).unwrap(), expected);
+        }
+        for rate in [0.0, -25.0, f64::NAN, f64::INFINITY, 1e-9] {
+            assert!(rational(rate).is_err(), "{rate}");
+        }
+    }
+
+    #[test]
+    fn codes_and_wrong_lengths_are_refused_without_leaving_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let codes =
+            Frame { width: 1, height: 1, channels: 1, pixels: Pixels::Codes(vec![1]), ..Frame::default() };
+        let short = Frame { width: 9, ..ramp(2, 2, 3) };
+        for frame in [codes, short] {
+            assert_eq!(write_exr(&path, &frame, None, false).unwrap_err().kind(), Kind::Failed);
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}
