@@ -47,11 +47,12 @@ impl IrradianceSums {
     /// spread evenly over [c - a, c + a]). Zero for a directional light.
     #[inline(always)]
     pub(super) fn add(&mut self, vector: Vec3, half_width: f32) {
-        let inverse = if half_width > 0.0 { 0.5 / half_width } else { 0.0 };
+        // The inverse of a subnormal width is infinite, and NaN once it meets a zero.
+        let inverse = if half_width >= f32::MIN_POSITIVE { 0.5 / half_width } else { 0.0 };
         for i in 0..PAIRS {
             let cosine = (self.x[i] * vector.x + self.y[i] * vector.y + self.z[i] * vector.z).abs();
             let cut = half_width - cosine.min(half_width);
-            self.absolute[i] += cosine + cut * cut * inverse;
+            self.absolute[i] += cosine + cut * (cut * inverse);
         }
         self.vector += vector;
     }

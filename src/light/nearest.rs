@@ -26,15 +26,22 @@ const SLACK: f32 = 2e-6;
 pub struct NearestSites {
     shape: PolarShape,
     blocks: Vec<Block>,
+    tables: Tables,
+    /// Of the frame: sites by coordinate, padded to a multiple of [`LANES`], and those that a block needs.
+    sites: Sites,
+    candidates: Vec<Candidate>,
+}
+
+/// Directions of the pixel centres, as factors.
+#[derive(Clone, Debug)]
+struct Tables {
+    columns: usize,
     /// Per column, padded to a multiple of [`LANES`].
     cos_phi: Vec<f32>,
     sin_phi: Vec<f32>,
     /// Per row.
     sin_theta: Vec<f32>,
     cos_theta: Vec<f32>,
-    /// Of the frame: sites by coordinate, padded to a multiple of [`LANES`], and those that a block needs.
-    sites: Sites,
-    candidates: Vec<Candidate>,
 }
 
 #[derive(Clone, Debug)]
@@ -73,10 +80,13 @@ impl NearestSites {
         Self {
             shape,
             blocks: blocks(shape, padded),
-            cos_phi: (0..padded).map(|c| phi(c).cos() as f32).collect(),
-            sin_phi: (0..padded).map(|c| phi(c).sin() as f32).collect(),
-            sin_theta: (0..shape.rows).map(|r| theta(r).sin() as f32).collect(),
-            cos_theta: (0..shape.rows).map(|r| theta(r).cos() as f32).collect(),
+            tables: Tables {
+                columns: shape.columns,
+                cos_phi: (0..padded).map(|c| phi(c).cos() as f32).collect(),
+                sin_phi: (0..padded).map(|c| phi(c).sin() as f32).collect(),
+                sin_theta: (0..shape.rows).map(|r| theta(r).sin() as f32).collect(),
+                cos_theta: (0..shape.rows).map(|r| theta(r).cos() as f32).collect(),
+            },
             sites: Sites { x: scratch(), y: scratch(), z: scratch(), margin: scratch() },
             candidates: Vec::with_capacity(site_count),
         }
@@ -106,19 +116,7 @@ impl NearestSites {
                 }
                 continue;
             }
-            for row in block.rows.clone() {
-                for start in block.columns.clone().step_by(LANES) {
-                    let best = nearest_of(
-                        &self.candidates,
-                        self.sin_theta[row],
-                        self.cos_theta[row],
-                        lanes(&self.cos_phi[start..]),
-                        lanes(&self.sin_phi[start..]),
-                    );
-                    let end = (start + LANES).min(columns);
-                    nearest[row * columns..][start..end].copy_from_slice(&best[..end - start]);
-                }
-            }
+            compare_dispatched(&self.candidates, block, &self.tables, nearest);
         }
     }
 }
@@ -210,33 +208,130 @@ fn margins(x: &[f32], y: &[f32], z: &[f32], margin: &mut [f32], centre: [f32; 3]
     }
 }
 
-/// Index of the candidate with the largest dot product, for [`LANES`] pixels of a row; the first of equals.
-///
-/// The dot product is `(px sx + py sy) + pz sz` without fused operations, on every target: results are the same
-/// bit for bit.
+/// [`compare`] with the vector units of the machine.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
-fn nearest_of(
-    candidates: &[Candidate],
-    sin_theta: f32,
-    cos_theta: f32,
-    cos_phi: &[f32; LANES],
-    sin_phi: &[f32; LANES],
-) -> [u32; LANES] {
-    let (mut px, mut pz) = ([0.0; LANES], [0.0; LANES]);
-    for lane in 0..LANES {
-        px[lane] = sin_theta * cos_phi[lane];
-        pz[lane] = sin_theta * sin_phi[lane];
-    }
-    let mut best = [f32::NEG_INFINITY; LANES];
-    let mut index = [0; LANES];
-    for candidate in candidates {
-        let [x, y, z] = candidate.direction;
-        for lane in 0..LANES {
-            let dot = px[lane] * x + cos_theta * y + pz[lane] * z;
-            let better = dot > best[lane];
-            best[lane] = if better { dot } else { best[lane] };
-            index[lane] = if better { candidate.index } else { index[lane] };
+fn compare_dispatched(candidates: &[Candidate], block: &Block, tables: &Tables, nearest: &mut [u32]) {
+    compare(candidates, block, tables, nearest);
+}
+
+/// Writes for every pixel of a block the index of the candidate with the largest dot product; the first of equals.
+///
+/// The dot product is `(px sx + py sy) + pz sz` without fused operations, so that every target gives the same bits.
+#[inline(always)]
+fn compare(candidates: &[Candidate], block: &Block, tables: &Tables, nearest: &mut [u32]) {
+    for row in block.rows.clone() {
+        let (sin_theta, cos_theta) = (tables.sin_theta[row], tables.cos_theta[row]);
+        for start in block.columns.clone().step_by(LANES) {
+            let (cos_phi, sin_phi) = (lanes(&tables.cos_phi[start..]), lanes(&tables.sin_phi[start..]));
+            let (mut px, mut pz) = ([0.0; LANES], [0.0; LANES]);
+            for lane in 0..LANES {
+                px[lane] = sin_theta * cos_phi[lane];
+                pz[lane] = sin_theta * sin_phi[lane];
+            }
+            let mut best = [f32::NEG_INFINITY; LANES];
+            let mut index = [0; LANES];
+            for candidate in candidates {
+                let [x, y, z] = candidate.direction;
+                for lane in 0..LANES {
+                    let dot = px[lane] * x + cos_theta * y + pz[lane] * z;
+                    let better = dot > best[lane];
+                    best[lane] = if better { dot } else { best[lane] };
+                    index[lane] = if better { candidate.index } else { index[lane] };
+                }
+            }
+            let end = (start + LANES).min(tables.columns);
+            nearest[row * tables.columns..][start..end].copy_from_slice(&index[..end - start]);
         }
     }
-    index
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::fibonacci_sphere;
+
+    /// Every site against every pixel, with the arithmetic of [`compare`].
+    fn assign_slowly(tables: &NearestSites, sites: &[[f32; 3]]) -> Vec<u32> {
+        let mut nearest = Vec::new();
+        for row in 0..tables.shape.rows {
+            for column in 0..tables.shape.columns {
+                let px = tables.tables.sin_theta[row] * tables.tables.cos_phi[column];
+                let pz = tables.tables.sin_theta[row] * tables.tables.sin_phi[column];
+                let mut best = (f32::NEG_INFINITY, 0);
+                for (index, [x, y, z]) in sites.iter().enumerate() {
+                    let dot = px * x + tables.tables.cos_theta[row] * y + pz * z;
+                    if dot > best.0 {
+                        best = (dot, index as u32);
+                    }
+                }
+                nearest.push(best.1);
+            }
+        }
+        nearest
+    }
+
+    /// Sites spread evenly, in one tight bunch, in a bunch and evenly, coinciding, and on one great circle.
+    fn site_sets() -> Vec<(&'static str, Vec<[f32; 3]>)> {
+        let even = |count| fibonacci_sphere(count).map(|d| d.as_vec3().to_array()).collect::<Vec<_>>();
+        let bunch = |size: f64, count| -> Vec<[f32; 3]> {
+            let about = crate::math::direction(0.7, 3.0);
+            fibonacci_sphere(count)
+                .map(|d| (about + size * d).as_vec3().normalize_or(glam::Vec3::Y).to_array())
+                .collect()
+        };
+        let circle =
+            (0..100).map(|i| crate::math::direction(1.2, 0.0628 * f64::from(i)).as_vec3().to_array());
+        vec![
+            ("even", even(300)),
+            ("one", even(1)),
+            ("two", even(2)),
+            ("bunch of a degree", bunch(0.02, 300)),
+            ("bunch of a pixel", bunch(1e-4, 300)),
+            ("bunch within rounding", bunch(1e-7, 50)),
+            ("bunch and even", [bunch(0.02, 200), even(100)].concat()),
+            ("coinciding", vec![[0.0, 1.0, 0.0]; 40]),
+            ("twice each", [even(50), even(50)].concat()),
+            ("on a circle", circle.collect()),
+        ]
+    }
+
+    #[test]
+    fn every_pixel_gets_its_nearest_site_as_by_comparing_all() {
+        for shape in [
+            PolarShape::hemisphere(360, 90),
+            PolarShape::sphere(90, 45),
+            PolarShape { columns: 128, rows: 40, theta_max_rad: 1.92 },
+            PolarShape::hemisphere(1, 1),
+            PolarShape::sphere(1, 1),
+            PolarShape::sphere(3, 2),
+            PolarShape::hemisphere(17, 200),
+            PolarShape { columns: 400, rows: 3, theta_max_rad: 0.01 },
+        ] {
+            for (case, sites) in site_sets() {
+                let mut tables = NearestSites::new(shape, sites.len());
+                let mut nearest = vec![u32::MAX; shape.len()];
+                tables.assign(&sites, &mut nearest);
+                let expected = assign_slowly(&tables, &sites);
+                let wrong = nearest.iter().zip(&expected).filter(|(a, b)| a != b).count();
+                assert_eq!(wrong, 0, "{case} {shape:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn vector_form_equals_the_scalar_one_bit_for_bit() {
+        let candidates: Vec<Candidate> = fibonacci_sphere(77)
+            .enumerate()
+            .map(|(i, d)| Candidate { direction: d.as_vec3().to_array(), index: i as u32 })
+            .collect();
+        let shape = PolarShape::hemisphere(100, 24);
+        let tables = NearestSites::new(shape, 1);
+        let (mut vector, mut scalar) = (vec![u32::MAX; shape.len()], vec![u32::MAX; shape.len()]);
+        for block in &tables.blocks {
+            compare_dispatched(&candidates, block, &tables.tables, &mut vector);
+            compare(&candidates, block, &tables.tables, &mut scalar);
+        }
+        assert_eq!(vector, scalar);
+        assert!(!vector.contains(&u32::MAX));
+    }
 }

@@ -1,1 +1,27 @@
-//! Lights drawn on maps.
+//! Pictures for people: a map with its lights drawn on it, and the sphere-on-plane scene of METHODS section 9
+//! shaded by the lights and by the whole map, side by side.
+
+mod canvas;
+mod map;
+mod scene;
+mod tone;
+
+use crate::error::Result;
+use crate::image::PolarMap;
+use crate::light::LightList;
+use std::path::Path;
+
+pub use canvas::Canvas;
+pub use map::draw_map;
+pub use scene::draw_scene;
+pub use tone::ToneCurve;
+
+/// Writes `map_SEQUENCE.png` and `scene_SEQUENCE.png` into `folder`.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn draw(map: &PolarMap, list: &LightList, folder: &Path) -> Result<()> {
+    let sequence = list.stamp.sequence;
+    draw_map(map, &list.lights).write(&folder.join(format!("map_{sequence:05}.png")))?;
+    draw_scene(map, &list.lights).write(&folder.join(format!("scene_{sequence:05}.png")))
+}
