@@ -1,0 +1,250 @@
+//! Which files a path means, and their numbers.
+//!
+//! | path | means |
+//! |---|---|
+//! | a file that exists | this one |
+//! | a folder | its pictures (`.exr`, `.hdr`, `.pic`, `.png`), which must have one name but for the number |
+//! | `name.####.exr` | the number with at least as many digits as there are `#` |
+//! | `name.%04d.exr`, `name.%d.exr` | the number as C prints it |
+//!
+//! In a folder the number is the digits directly before the extension, so that `map_1k.hdr` has none. Hidden files
+//! are left out.
+
+use crate::error::{Error, Result};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Extensions of the pictures that are looked for in a folder.
+const EXTENSIONS: [&str; 4] = ["exr", "hdr", "pic", "png"];
+
+/// Names that an error lists before it says how many more there are.
+const LISTED_NAMES: usize = 8;
+
+/// The files that `path` means, ascending by number; never empty.
+///
+/// # Errors
+///
+/// Of kind [`Usage`](crate::error::Kind::Usage), naming the path: nothing is there, names do not belong together,
+/// two files have one number.
+pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
+    let fault = |message: String| Error::usage(message).at(path.display());
+    if path.is_file() {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        return Ok(vec![(numbered(&name).map_or(0, |(_, number, _)| number), path.to_owned())]);
+    }
+    let mut files = if path.is_dir() {
+        in_folder(path)?
+    } else {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let Some(pattern) = Pattern::parse(&name) else {
+            return Err(fault(
+                "is neither a file, nor a folder, nor a pattern such as name.####.exr or name.%04d.exr"
+                    .into(),
+            ));
+        };
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut files = Vec::new();
+        for name in names(folder).map_err(|error| error.at(path.display()))? {
+            if let Some(number) = pattern.number(&name) {
+                files.push((number, folder.join(name)));
+            }
+        }
+        if files.is_empty() {
+            return Err(fault("no file has a name like this".into()));
+        }
+        files
+    };
+    files.sort();
+    if let Some(pair) = files.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        return Err(fault(format!(
+            "{} and {} have the same number; keep one",
+            pair[0].1.display(),
+            pair[1].1.display()
+        )));
+    }
+    Ok(files)
+}
+
+/// All names in a folder, sorted, hidden ones and those that are not Unicode left out.
+fn names(folder: &Path) -> Result<Vec<String>> {
+    let entries = fs::read_dir(folder)
+        .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
+        .map_err(|error| Error::usage(format!("cannot list {}", folder.display())).because(error))?;
+    let mut names: Vec<String> = entries
+        .into_iter()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| !name.starts_with('.'))
+        .collect();
+    names.sort();
+    Ok(names)
+}
+
+fn in_folder(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
+    let fault = |message: String| Error::usage(message).at(folder.display());
+    let is_picture = |name: &String| {
+        let extension = Path::new(name).extension().unwrap_or_default().to_ascii_lowercase();
+        EXTENSIONS.iter().any(|&known| extension == known)
+    };
+    let mut names = names(folder)?;
+    names.retain(is_picture);
+    let Some(first) = names.first() else {
+        return Err(fault(format!("holds no pictures ({})", EXTENSIONS.map(|e| format!(".{e}")).join(", "))));
+    };
+    if names.len() == 1 {
+        let number = numbered(first).map_or(0, |(_, number, _)| number);
+        return Ok(vec![(number, folder.join(first))]);
+    }
+
+    // One name for every sequence and for every picture without a number.
+    let family = |name: &str| match numbered(name) {
+        Some((before, _, after)) => format!("{before}#{after}"),
+        None => name.to_owned(),
+    };
+    let mut families: Vec<String> = names.iter().map(|name| family(name)).collect();
+    families.sort();
+    families.dedup();
+    if families.len() > 1 {
+        let more = match families.len().saturating_sub(LISTED_NAMES) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        families.truncate(LISTED_NAMES);
+        return Err(fault(format!(
+            "holds pictures that are not one sequence: {}{more}; give a file or a pattern such as name.####.exr",
+            families.join(", ")
+        )));
+    }
+    names
+        .iter()
+        .map(|name| match numbered(name) {
+            Some((_, number, _)) => Ok((number, folder.join(name))),
+            None => Err(fault(format!("{name} has a number that is too large"))),
+        })
+        .collect()
+}
+
+/// Splits `name.0017.exr` into `name.`, 17 and `.exr`.
+fn numbered(name: &str) -> Option<(&str, u64, &str)> {
+    let (stem, _) = name.rsplit_once('.')?;
+    let before = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number = stem[before.len()..].parse().ok()?;
+    Some((before, number, &name[stem.len()..]))
+}
+
+/// A name with a place for a number of at least `digits` digits.
+struct Pattern<'a> {
+    before: &'a str,
+    digits: usize,
+    after: &'a str,
+}
+
+impl<'a> Pattern<'a> {
+    fn parse(name: &'a str) -> Option<Self> {
+        if let Some((before, rest)) = name.split_once('#') {
+            let after = rest.trim_start_matches('#');
+            let one_place = !after.contains('#');
+            return one_place.then_some(Self { before, digits: 1 + rest.len() - after.len(), after });
+        }
+        let (before, rest) = name.split_once('%')?;
+        let (width, after) = rest.split_once('d')?;
+        let digits = match width {
+            "" => 1,
+            _ => width.strip_prefix('0')?.parse().ok().filter(|digits| (1..=20).contains(digits))?,
+        };
+        Some(Self { before, digits, after })
+    }
+
+    /// The number in `name`; filled up with zeros to `digits` digits, and with no more zeros than that.
+    fn number(&self, name: &str) -> Option<u64> {
+        let digits = name.strip_prefix(self.before)?.strip_suffix(self.after)?;
+        let plain = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+        let filled = digits.len() == self.digits || (digits.len() > self.digits && !digits.starts_with('0'));
+        if plain && filled { digits.parse().ok() } else { None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Kind;
+
+    fn found(names: &[&str], path: &str) -> std::result::Result<Vec<(u64, String)>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        for name in names {
+            fs::write(folder.path().join(name), b"").unwrap();
+        }
+        match files(&folder.path().join(path)) {
+            Ok(files) => {
+                let name = |path: PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+                Ok(files.into_iter().map(|(number, path)| (number, name(path))).collect())
+            }
+            Err(error) => {
+                assert_eq!(error.kind(), Kind::Usage);
+                Err(error.to_string())
+            }
+        }
+    }
+
+    fn owned(list: &[(u64, &str)]) -> Vec<(u64, String)> {
+        list.iter().map(|(number, name)| (*number, (*name).to_owned())).collect()
+    }
+
+    #[test]
+    fn patterns_take_their_number_of_digits_and_more_but_no_surplus_zeros() {
+        let names =
+            ["a.0009.exr", "a.0010.exr", "a.10000.exr", "a.00011.exr", "a.12.exr", "a.x.exr", "b.0001.exr"];
+        let expected = owned(&[(9, "a.0009.exr"), (10, "a.0010.exr"), (10000, "a.10000.exr")]);
+        assert_eq!(found(&names, "a.####.exr").unwrap(), expected);
+        assert_eq!(found(&names, "a.%04d.exr").unwrap(), expected);
+        let plain = owned(&[(12, "a.12.exr"), (10000, "a.10000.exr")]);
+        assert_eq!(found(&names, "a.%d.exr").unwrap(), plain);
+        assert_eq!(found(&names, "a.#.exr").unwrap(), plain);
+    }
+
+    #[test]
+    fn paths_that_mean_nothing_are_refused_with_what_would() {
+        for path in ["c.####.exr", "a.%03d.hdr"] {
+            let error = found(&["a.001.exr"], path).unwrap_err();
+            assert!(error.contains(path) && error.contains("no file has a name like this"), "{error}");
+        }
+        for path in ["a.exr", "a.##.##.exr", "a.%s.exr", "a.%4d.exr", "a.%099d.exr", "a.%0d.exr"] {
+            let error = found(&["a.001.exr"], path).unwrap_err();
+            assert!(error.contains("name.####.exr or name.%04d.exr"), "{path}: {error}");
+        }
+        assert!(found(&[], "missing/a.##.exr").unwrap_err().contains("cannot list"));
+    }
+
+    #[test]
+    fn folders_are_sorted_by_number_and_other_files_left_alone() {
+        let names =
+            ["shot10.exr", "shot9.exr", "shot0011.EXR.txt", "notes.txt", ".shot12.exr.7.part", "calib.json"];
+        let expected = owned(&[(9, "shot9.exr"), (10, "shot10.exr")]);
+        assert_eq!(found(&names, "").unwrap(), expected);
+        assert_eq!(found(&["map_1k.hdr", "readme.md"], "").unwrap(), owned(&[(0, "map_1k.hdr")]));
+        assert_eq!(found(&["0007.PNG", "0008.PNG"], "").unwrap(), owned(&[(7, "0007.PNG"), (8, "0008.PNG")]));
+    }
+
+    #[test]
+    fn folders_that_are_not_one_sequence_list_what_is_there() {
+        let error = found(&["a.1.exr", "a.2.exr", "b.1.exr", "map_1k.hdr"], "").unwrap_err();
+        assert!(error.contains("not one sequence: a.#.exr, b.#.exr, map_1k.hdr; give"), "{error}");
+        let many: Vec<String> = (0..12_u8).map(|n| format!("{}.hdr", char::from(b'a' + n))).collect();
+        let many: Vec<&str> = many.iter().map(String::as_str).collect();
+        assert!(found(&many, "").unwrap_err().contains("h.hdr and 4 more;"));
+        assert!(found(&["a.txt"], "").unwrap_err().contains("no pictures (.exr, .hdr, .pic, .png)"));
+        let error = found(&["a.1.exr", "a.01.exr"], "").unwrap_err();
+        assert!(error.contains("a.01.exr and ") && error.contains("same number"), "{error}");
+    }
+
+    #[test]
+    fn one_file_keeps_its_number_and_may_look_like_a_pattern() {
+        assert_eq!(found(&["a.0042.exr"], "a.0042.exr").unwrap(), owned(&[(42, "a.0042.exr")]));
+        assert_eq!(found(&["a_1k.hdr"], "a_1k.hdr").unwrap(), owned(&[(0, "a_1k.hdr")]));
+        assert_eq!(
+            found(&["take #3.exr", "take 4.exr"], "take #3.exr").unwrap(),
+            owned(&[(3, "take #3.exr")])
+        );
+        let huge = "a.99999999999999999999999.exr";
+        assert_eq!(found(&[huge], huge).unwrap(), owned(&[(0, huge)]));
+    }
+}

@@ -1,0 +1,229 @@
+//! Frames from numbered files.
+//!
+//! The number of a file is the time at which it was taken: file n of a sequence that begins with file n0 has the
+//! capture time (n - n0) / rate, whether or not the files between are there. Numbers that are missing, and files
+//! that cannot be used, are counted in `lost_before` of the next frame that can.
+//!
+//! Repeated, the sequence goes on counting: with n1 the last number, pass k gives file n the sequence number
+//! n + k (n1 - n0 + 1) and the capture time to match, so that the first frame follows the last at the usual
+//! distance and nothing ever runs backwards.
+
+#[cfg(test)]
+mod tests;
+
+use super::{Next, Source, pattern};
+use crate::error::{Error, Result};
+use crate::image::{Attributes, Frame, LatLongCentres, Pixels, read};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Which files to play, and how fast they were taken.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SequenceOptions {
+    /// A pattern (`name.####.exr`, `name.%04d.exr`), a folder with one sequence, or one file.
+    pub path: PathBuf,
+    /// Frames per second; goes before what the files say. Needed where they say nothing, except for one picture
+    /// that is not repeated.
+    #[serde(default)]
+    pub frame_rate_hz: Option<f64>,
+    /// Smallest file number to play.
+    #[serde(default)]
+    pub first: Option<u64>,
+    /// Largest file number to play.
+    #[serde(default)]
+    pub last: Option<u64>,
+    /// Play it again and again.
+    #[serde(default)]
+    pub repeat: bool,
+}
+
+/// What every frame of a source is like: enough to build a calibration before the first one comes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameFormat {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// 1 (luminance) or 3 (RGB).
+    pub channels: usize,
+    /// Whether the samples are raw sensor codes and not radiance.
+    pub is_codes: bool,
+    /// Where the pixel centres lie if the pictures are lat-long maps.
+    pub latlong_centres: LatLongCentres,
+    /// Frames per second; 0 for one picture that says nothing.
+    pub frame_rate_hz: f64,
+}
+
+impl FrameFormat {
+    fn of(frame: &Frame, attributes: &Attributes, frame_rate_hz: f64) -> Self {
+        Self {
+            width: frame.width,
+            height: frame.height,
+            channels: frame.channels,
+            is_codes: matches!(frame.pixels, Pixels::Codes(_)),
+            latlong_centres: attributes.latlong_centres,
+            frame_rate_hz,
+        }
+    }
+
+    fn describe(&self) -> String {
+        let samples = if self.is_codes { "codes" } else { "radiance" };
+        let centres = match self.latlong_centres {
+            LatLongCentres::Half => "",
+            LatLongCentres::Ends => ", lat-long attribute",
+        };
+        format!("{} x {} x {} {samples}{centres}", self.width, self.height, self.channels)
+    }
+}
+
+/// A source that reads numbered files in order.
+#[derive(Debug)]
+pub struct Sequence {
+    path: PathBuf,
+    /// Number and path, ascending by number, at least one.
+    files: Vec<(u64, PathBuf)>,
+    format: FrameFormat,
+    /// The file that says what the others must be like.
+    model: PathBuf,
+    repeat: bool,
+    /// Index of the next file and how often the list was played before.
+    index: usize,
+    pass: u64,
+    /// Sequence number that follows the last frame delivered.
+    expected: u64,
+    /// Files since the last one that could be used.
+    bad_in_a_row: usize,
+}
+
+impl Sequence {
+    /// Finds the files and reads until one of them can be used, which tells the format of all.
+    ///
+    /// # Errors
+    ///
+    /// Of kind [`Usage`](crate::error::Kind::Usage): no file matches, or none lies between `first` and `last`; the
+    /// names are not one sequence; no frame rate is known, or it is not a positive number. Of kind
+    /// [`Failed`](crate::error::Kind::Failed): none of the files can be used.
+    pub fn open(options: &SequenceOptions) -> Result<Self> {
+        let path = &options.path;
+        let fault = |message: String| Error::usage(message).at(path.display());
+        let (first, last) = (options.first.unwrap_or(0), options.last.unwrap_or(u64::MAX));
+        let mut files = pattern::files(path)?;
+        let (lowest, highest) = (files[0].0, files[files.len() - 1].0);
+        files.retain(|(number, _)| (first..=last).contains(number));
+        if files.is_empty() {
+            return Err(fault(format!(
+                "no file with a number from first = {first} to last = {last}; they have {lowest} to {highest}"
+            )));
+        }
+
+        let mut frame = Frame::default();
+        let (model, attributes) = first_readable(path, &files, &mut frame)?;
+        let rate = match options.frame_rate_hz.or(attributes.frame_rate_hz) {
+            Some(rate) if rate.is_finite() && rate > 0.0 => rate,
+            Some(rate) => return Err(fault(format!("frame_rate_hz = {rate} must be a positive number"))),
+            None if files.len() == 1 && !options.repeat => 0.0,
+            None => {
+                return Err(fault(
+                    "no frame rate is known: the files have no framesPerSecond attribute; set frame_rate_hz"
+                        .into(),
+                ));
+            }
+        };
+        Ok(Self {
+            path: path.clone(),
+            expected: files[0].0,
+            format: FrameFormat::of(&frame, &attributes, rate),
+            model: model.to_owned(),
+            files,
+            repeat: options.repeat,
+            index: 0,
+            pass: 0,
+            bad_in_a_row: 0,
+        })
+    }
+
+    /// What every frame will be like.
+    pub fn format(&self) -> FrameFormat {
+        self.format
+    }
+
+    /// Number of files in one pass, readable or not.
+    pub fn file_count(&self) -> usize {
+        self.files.len()
+    }
+
+    /// Numbers from the first file to the last, missing ones included: the length of one pass in frame times.
+    fn period(&self) -> u64 {
+        (self.files[self.files.len() - 1].0 - self.files[0].0).saturating_add(1)
+    }
+
+    /// Reads a file and compares it with the first.
+    fn fill(&self, path: &Path, frame: &mut Frame) -> Result<()> {
+        let attributes = read(path, frame)?;
+        let found = FrameFormat::of(frame, &attributes, self.format.frame_rate_hz);
+        if found == self.format {
+            return Ok(());
+        }
+        let (found, expected) = (found.describe(), self.format.describe());
+        Err(Error::bad_frame(format!(
+            "{}: is {found}, but {} is {expected}; all frames must be alike",
+            path.display(),
+            self.model.display()
+        )))
+    }
+}
+
+fn first_readable<'a>(
+    path: &Path,
+    files: &'a [(u64, PathBuf)],
+    frame: &mut Frame,
+) -> Result<(&'a Path, Attributes)> {
+    let mut first_error = None;
+    for (_, file) in files {
+        match read(file, frame) {
+            Ok(attributes) => return Ok((file, attributes)),
+            Err(error) => first_error = first_error.or(Some(error)),
+        }
+    }
+    let mut fault = Error::failed(format!("{}: none of {} files can be used", path.display(), files.len()));
+    if let Some(error) = first_error {
+        fault = fault.because(error);
+    }
+    Err(fault)
+}
+
+impl Source for Sequence {
+    fn next(&mut self, frame: &mut Frame) -> Result<Next> {
+        if self.index == self.files.len() {
+            if !self.repeat {
+                return Ok(Next::End);
+            }
+            (self.index, self.pass) = (0, self.pass + 1);
+        }
+        if self.repeat && self.bad_in_a_row >= self.files.len() {
+            // Nothing would slow down a loop over files that are gone.
+            return Err(Error::failed(format!(
+                "{}: none of its {} files can be used any more",
+                self.path.display(),
+                self.files.len()
+            )));
+        }
+        let (number, path) = &self.files[self.index];
+        self.index += 1;
+        self.bad_in_a_row += 1;
+        self.fill(path, frame)?;
+        self.bad_in_a_row = 0;
+
+        // Wrapping would take a sequence of 2^64 frames.
+        let sequence = number.saturating_add(self.pass.saturating_mul(self.period()));
+        let rate = self.format.frame_rate_hz;
+        let steps = (sequence - self.files[0].0) as f64;
+        frame.stamp.sequence = sequence;
+        frame.stamp.capture_time_ns = if rate > 0.0 { (steps * 1e9 / rate).round() as i64 } else { 0 };
+        frame.stamp.lost_before = sequence.saturating_sub(self.expected);
+        frame.stamp.frame_rate_hz = rate;
+        self.expected = sequence.saturating_add(1);
+        Ok(Next::Frame)
+    }
+}
