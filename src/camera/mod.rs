@@ -1,1 +1,24 @@
 //! Response, lens, and the matrix from frame to polar map.
+//!
+//! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is
+//! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.
+
+mod chart;
+mod footprints;
+mod frame_to_polar;
+mod lens;
+mod overlap;
+mod pixel_counts;
+mod projection;
+mod radial_polynomial;
+mod response;
+mod row_kernels;
+
+#[cfg(test)]
+mod energy_tests;
+
+pub use frame_to_polar::FrameToPolar;
+pub use lens::{Lens, LensParameters};
+pub use pixel_counts::PixelCounts;
+pub use projection::{LOOKING_UP, Projection};
+pub use response::{Response, ResponseModel};
