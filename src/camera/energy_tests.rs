@@ -46,11 +46,7 @@ fn lens(width: usize, height: usize, field_of_view_deg: f64) -> Lens {
 }
 
 fn radius(k: [f64; 4], theta: f64) -> f64 {
-    theta
-        + k[0] * theta.powi(3)
-        + k[1] * theta.powi(5)
-        + k[2] * theta.powi(7)
-        + k[3] * theta.powi(9)
+    theta + k[0] * theta.powi(3) + k[1] * theta.powi(5) + k[2] * theta.powi(7) + k[3] * theta.powi(9)
 }
 
 /// Solid angle of the part of a lens's pixel that is seen and whose world direction `keep` accepts: the

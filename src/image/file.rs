@@ -204,6 +204,16 @@ mod tests {
     }
 
     #[test]
+    fn decoders_that_panic_give_an_error() {
+        // Run markers of the old Radiance form multiply by 256 each; eight overflow inside the decoder.
+        let mut bytes = b"#?RADIANCE\n\n-Y 1 +X 9\n\x09\x09\x09\x80".to_vec();
+        bytes.extend([1, 1, 1, 0].repeat(9));
+        let error = failure("a.hdr", &bytes);
+        // Without overflow checks it reads on to the end.
+        assert!(error.contains("gave up") || error.contains("complete?"), "{error}");
+    }
+
+    #[test]
     fn sizes_are_checked_on_both_sides_of_the_limit() {
         assert!(check_size(16_384, 8_192).is_ok());
         assert!(check_size(8_192, 16_384).is_ok());

@@ -230,10 +230,16 @@ fn check_dwa_counters(chunk: &Chunk, header: &Header) -> Result<()> {
         CompressedBlock::Tile(block) => &block.compressed_pixels_le,
         _ => return Err(Error::bad_frame("holds deep data; flatten it")),
     };
+    let place = header.get_block_data_indices(&chunk.compressed_block).map_err(damaged)?;
+    let window = header.get_absolute_block_pixel_coordinates(place).map_err(damaged)?;
+    let bytes = window.size.0 * window.size.1 * header.channels.bytes_per_pixel;
+    if data.len() == bytes {
+        return Ok(()); // stored as it is, no counters
+    }
     // Blocks below 64 pixels still have whole 8 x 8 transforms, hence the floor.
-    let most = 2 * header.max_block_byte_size() as u64 + (1 << 16);
-    let counters = data.as_chunks::<8>().0.iter().map(|bytes| u64::from_le_bytes(*bytes));
-    if counters.take(10).any(|counter| counter > most) && data.len() < header.max_block_byte_size() {
+    let most = 2 * bytes as u64 + (1 << 16);
+    let mut counters = data.as_chunks::<8>().0.iter().map(|bytes| u64::from_le_bytes(*bytes)).take(10);
+    if counters.any(|counter| counter > most) {
         return Err(Error::bad_frame("is damaged: a DWA block claims more data than its pixels can need"));
     }
     Ok(())

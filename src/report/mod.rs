@@ -1,1 +1,5 @@
 //! Speed against error.
+
+pub mod sequence;
+mod sequence_maps;
+pub mod sequence_table;

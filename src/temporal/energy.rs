@@ -1,96 +1,146 @@
 //! A FIR for quantities that are energies: what leaves is never negative, and in total as much leaves as came in.
 //!
-//! An equiripple filter has negative taps. After a flash its output y would fall below zero; clipped there, it
-//! would give more than it got. So what clipping added is carried as a *debt* d and taken from later output:
+//! An equiripple filter has negative taps. After a flash, or where a light hands its power over to its neighbour, the
+//! linear output `y_i(t) = sum_k h_k x_i(t - k)` of a light i falls below zero. Clipping it there adds power. What
+//! was added is taken from other lights of the same *group* (one colour channel of a list) in the same frame: a
+//! hand-over makes one light overshoot as far as the other undershoots, and only together they are right. What the
+//! group cannot pay at once stays as its *debt* d. With Y the sum of the y_i, the group's output is, in general,
 //!
-//!     out(t) = max(0, y(t) - d(t - 1)),        d(t) = d(t - 1) + out(t) - y(t).
+//!     out(t) = Y(t) - d(t - 1),        d(t) = d(t - 1) + out(t) - Y(t),
 //!
-//! Alone that rule has a fault. A flash of 1e6 over a steady 1 ends in a negative lobe whose debt the steady part
-//! would pay with 57,000 dark frames. Hence a second limit: the window is split into its least value b, the steady
-//! part, and the excess over it, and the excess may never give more than it holds. With T_i = 1 - (h_0 + ... +
-//! h_(i-1)), the share of an input of age i that has yet to leave before this frame's output, and D the delay,
+//! within two limits that keep the cost of a flash with the flash. Each light's window is split into its least
+//! value b_i, the steady part, and the excess over it.
 //!
-//!     stock(t) = sum_i T_i x(t - i) - D b - d(t - 1),        out(t) <= stock(t).
+//! - At least the steady parts leave, `sum_i min(max(y_i, 0), b_i)`: a flash does not darken other lights.
+//! - The excess gives no more than it holds. With `T_k = 1 - (h_0 + ... + h_(k-1))`, the share of an input of age k
+//!   that has yet to leave before this frame's output, and D the delay, that is
+//!   `E = sum_i (sum_k T_k x_i(t - k) - (D + 1) b_i) - d(t - 1)`. Without this limit a flash of 1e6 over a steady 1
+//!   would end in a negative lobe for which the steady part would pay with 57,000 dark frames.
 //!
-//! The debt is then at most the excess still on its way, `sum_i T_(i+1) (x(t - i) - b)`: bounded by D times the
-//! largest input of the window (plus overshoot) and nothing once the window is constant, at zero or elsewhere.
-//! Where d < 0 (the limit held something back) the rest leaves as soon as the taps allow.
+//! So the debt is at most the excess still on its way, `sum_i sum_k T_(k+1) (x_i(t - k) - b_i)`, and nothing once the
+//! window is constant. One exception: while a debt is open, inputs may settle at a higher level, which turns excess
+//! into steady part and makes E negative. Then the first limit gives way by -E, and a steady level s pays within
+//! D + 1 frames, since the debt was at most about D s. Where no light is clipped and no debt is open, all this is
+//! exactly the linear filter.
 
 use super::history::History;
 
-/// Columns that are filtered together: their sums stay in the first-level cache while the rows stream by.
+/// Columns that are summed together: their sums stay in registers and the first-level cache while the rows stream
+/// by.
 const BLOCK: usize = 64;
 
-/// Filters the first `count` columns of a [`History`].
+/// Filters the first columns of a [`History`], in groups that share a debt.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EnergyFilter {
     taps: Vec<f64>,
-    /// T_i above.
+    /// T_k above.
     pending: Vec<f64>,
-    delay_frames: f64,
-    /// Given so far in excess of the linear filter's output.
-    debt: Vec<f64>,
-    out: Vec<f64>,
+    /// D + 1.
+    steady_frames: f64,
+    /// Columns and debt of every group.
+    groups: Vec<(usize, f64)>,
+    linear: Vec<f64>,
+    stock: Vec<f64>,
+    least: Vec<f32>,
 }
 
 impl EnergyFilter {
-    /// For symmetric `taps` of sum 1 and `count` columns, without debts.
-    pub(super) fn new(taps: &[f64], count: usize) -> Self {
+    /// For symmetric `taps` of sum 1 and groups of so many columns each, side by side from column 0, without debts.
+    pub(super) fn new(taps: &[f64], group_sizes: impl Iterator<Item = usize>) -> Self {
         let leave = |left: &mut f64, tap: &f64| {
             let pending = *left;
             *left -= tap;
             Some(pending)
         };
-        let pending = taps.iter().scan(1.0, leave).collect();
+        let groups: Vec<(usize, f64)> = group_sizes.map(|size| (size, 0.0)).collect();
+        let columns = groups.iter().map(|&(size, _)| size).sum();
         Self {
             taps: taps.to_vec(),
-            pending,
-            delay_frames: (taps.len() / 2) as f64,
-            debt: vec![0.0; count],
-            out: vec![0.0; count],
+            pending: taps.iter().scan(1.0, leave).collect(),
+            steady_frames: (taps.len() / 2 + 1) as f64,
+            groups,
+            linear: vec![0.0; columns],
+            stock: vec![0.0; columns],
+            least: vec![0.0; columns],
         }
     }
 
     /// Forgives all debts: the history has been filled anew.
     pub(super) fn clear(&mut self) {
-        self.debt.fill(0.0);
+        self.groups.iter_mut().for_each(|(_, debt)| *debt = 0.0);
     }
 
     /// Output for the newest row of `history`: one finite value >= 0 a column.
     pub(super) fn step(&mut self, history: &History) -> &[f64] {
-        let count = self.debt.len();
-        for start in (0..count).step_by(BLOCK) {
-            let width = BLOCK.min(count - start);
+        self.convolve(history);
+        let mut start = 0;
+        for (size, debt) in &mut self.groups {
+            let group = start..start + *size;
+            start = group.end;
+            let (stock, least) = (&self.stock[group.clone()], &self.least[group.clone()]);
+            settle(&mut self.linear[group], stock, least, self.steady_frames, debt);
+        }
+        &self.linear
+    }
+
+    /// Per column: the linear output, `sum_k T_k x(t - k)`, and the least value of the window.
+    fn convolve(&mut self, history: &History) {
+        let columns = self.linear.len();
+        for start in (0..columns).step_by(BLOCK) {
+            let width = BLOCK.min(columns - start);
             let (mut linear, mut stock, mut least) = ([0.0; BLOCK], [0.0; BLOCK], [f32::INFINITY; BLOCK]);
             for (age, (&tap, &pending)) in self.taps.iter().zip(&self.pending).enumerate() {
-                let row = &history.row(age)[start..start + width];
-                for (i, &value) in row.iter().enumerate() {
+                for (i, &value) in history.row(age)[start..start + width].iter().enumerate() {
                     linear[i] += tap * f64::from(value);
                     stock[i] += pending * f64::from(value);
                     least[i] = least[i].min(value);
                 }
             }
             let block = start..start + width;
-            for (i, (debt, out)) in self.debt[block.clone()].iter_mut().zip(&mut self.out[block]).enumerate()
-            {
-                if linear[i] == 0.0 && stock[i] == 0.0 {
-                    // A dark window holds nothing, so that a debt here is rounding: it must not glow.
-                    (*debt, *out) = (0.0, 0.0);
-                    continue;
-                }
-                let stock = stock[i] - self.delay_frames * f64::from(least[i]) - *debt;
-                *out = (linear[i] - *debt).min(stock).max(0.0);
-                *debt += *out - linear[i];
-            }
+            self.linear[block.clone()].copy_from_slice(&linear[..width]);
+            self.stock[block.clone()].copy_from_slice(&stock[..width]);
+            self.least[block].copy_from_slice(&least[..width]);
         }
-        &self.out
     }
 
-    /// What each column has given in excess of the linear filter; negative where it holds something back.
+    /// What each group has given in excess of the linear filter; negative where it holds something back.
     #[cfg(test)]
-    pub(super) fn debt(&self) -> &[f64] {
-        &self.debt
+    pub(super) fn debts(&self) -> impl Iterator<Item = f64> {
+        self.groups.iter().map(|&(_, debt)| debt)
     }
+}
+
+/// Turns the linear outputs `values` of a group into what leaves.
+fn settle(values: &mut [f64], stock: &[f64], least: &[f32], steady_frames: f64, debt: &mut f64) {
+    let (mut linear, mut positive, mut floor, mut steady, mut held) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for ((&value, &stock), &least) in values.iter().zip(stock).zip(least) {
+        let least = f64::from(least);
+        linear += value;
+        positive += value.max(0.0);
+        floor += value.clamp(0.0, least);
+        steady += least;
+        held += stock;
+    }
+    if positive == 0.0 && held == 0.0 {
+        // A dark window holds nothing, so that a debt here is rounding: it must not glow.
+        *debt = 0.0;
+        values.fill(0.0);
+        return;
+    }
+    let excess = held - steady_frames * steady - *debt;
+    let at_least = (floor + excess.min(0.0)).max(0.0);
+    let wanted = (linear - *debt).min(steady + excess).max(at_least);
+    // Shares of the steady parts and of what lies above them. Where nothing lies above, nothing more is given.
+    let of_floor = if wanted < floor { wanted / floor } else { 1.0 };
+    let of_rest =
+        if wanted > floor && positive > floor { (wanted - floor) / (positive - floor) } else { 0.0 };
+    let mut given = 0.0;
+    for (value, &least) in values.iter_mut().zip(least) {
+        let part = value.clamp(0.0, f64::from(least));
+        *value = part * of_floor + (value.max(0.0) - part) * of_rest;
+        given += *value;
+    }
+    *debt += given - linear;
 }
 
 #[cfg(test)]
@@ -102,13 +152,13 @@ mod tests {
     fn run(rate: f64, signal: &[f32]) -> (Vec<f64>, Vec<f64>) {
         let taps = design(rate, &FilterOptions::default()).unwrap();
         let mut history = History::new(taps.as_slice().len(), 1);
-        let mut filter = EnergyFilter::new(taps.as_slice(), 1);
+        let mut filter = EnergyFilter::new(taps.as_slice(), std::iter::once(1));
         history.newest_mut()[0] = signal[0];
         (1..taps.as_slice().len()).for_each(|_| history.repeat());
         let step = |&value: &f32| {
             history.push()[0] = value;
             let out = filter.step(&history)[0];
-            (out, filter.debt()[0])
+            (out, filter.debts().next().unwrap())
         };
         signal.iter().map(step).unzip()
     }
@@ -239,5 +289,73 @@ mod tests {
             let direct: f64 = (0..9).map(|k| taps.as_slice()[k] * f64::from(signal[t - k])).sum();
             assert!((out[t] - direct).abs() < 1e-12 && debt[t].abs() < 1e-12);
         }
+    }
+
+    /// Runs lights of one group; returns the outputs of each frame.
+    fn run_group(signal: &[[f32; 3]]) -> Vec<[f64; 3]> {
+        let taps = design(25.0, &FilterOptions::default()).unwrap();
+        let mut history = History::new(9, 3);
+        let mut filter = EnergyFilter::new(taps.as_slice(), std::iter::once(3));
+        history.newest_mut().copy_from_slice(&signal[0]);
+        (1..9).for_each(|_| history.repeat());
+        let step = |values: &[f32; 3]| {
+            history.push().copy_from_slice(values);
+            filter.step(&history).try_into().unwrap()
+        };
+        signal.iter().map(step).collect()
+    }
+
+    #[test]
+    fn a_light_that_hands_its_power_over_keeps_the_sum_in_every_frame() {
+        let signal: Vec<[f32; 3]> =
+            (0..40).map(|t| if t < 15 { [500.0, 0.0, 2.0] } else { [0.0, 500.0, 2.0] }).collect();
+        for (t, out) in run_group(&signal).iter().enumerate() {
+            assert!(out.iter().all(|&y| y >= 0.0));
+            assert!((out[0] + out[1] - 500.0).abs() < 1e-9 && (out[2] - 2.0).abs() < 1e-12, "{t}: {out:?}");
+        }
+    }
+
+    #[test]
+    fn a_flash_leaves_the_other_lights_alone_and_keeps_its_energy() {
+        let mut signal = vec![[0.0, 1.0, 3.0]; 40];
+        signal[12][0] = 1e6;
+        signal[13][0] = 1e6;
+        let out = run_group(&signal);
+        for (t, out) in out.iter().enumerate() {
+            assert!(
+                out[0] >= 0.0 && (out[1] - 1.0).abs() < 1e-9 && (out[2] - 3.0).abs() < 1e-9,
+                "{t}: {out:?}"
+            );
+        }
+        let flash: f64 = out.iter().map(|out| out[0]).sum();
+        assert!((flash / 2e6 - 1.0).abs() < 1e-12, "{flash}");
+    }
+
+    #[test]
+    fn groups_do_not_pay_for_each_other() {
+        let taps = design(25.0, &FilterOptions::default()).unwrap();
+        let mut history = History::new(9, 2);
+        let mut filter = EnergyFilter::new(taps.as_slice(), [1, 1].into_iter());
+        for t in 0..30 {
+            history.push().copy_from_slice(&[if t == 10 { 1e6 } else { 0.0 }, 1.0 + (t % 3) as f32 * 0.1]);
+            let other = filter.step(&history)[1];
+            if t >= 8 {
+                let linear: f64 = (0..9).map(|k| taps.as_slice()[k] * f64::from(history.row(k)[1])).sum();
+                assert!((other - linear).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn energy_of_a_group_is_kept_when_its_lights_flash_in_turn() {
+        let mut random = noise(11);
+        let mut signal = vec![[0.0f32; 3]];
+        signal.extend((0..20_000).map(|_| [0; 3].map(|_| 1e3 * random().powi(12))));
+        signal.extend([[0.0; 3]; 20]);
+        let out = run_group(&signal);
+        let given: f64 = signal.iter().flatten().copied().map(f64::from).sum();
+        let left: f64 = out.iter().flatten().sum();
+        assert!((left / given - 1.0).abs() < 1e-12 && out.iter().flatten().all(|&y| y >= 0.0));
+        assert_eq!(out[out.len() - 1], [0.0; 3]);
     }
 }

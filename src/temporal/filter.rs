@@ -17,8 +17,9 @@ const LEAST_VECTOR: f64 = 0.1;
 /// Filters the lists of one sequence.
 ///
 /// - *Power* (RGB irradiance of every slot) and the *reference irradiances*, so that a filtered list is judged
-///   against the equally filtered truth, pass the taps as energies: what leaves is >= 0 and in total as much
-///   leaves as came in, per slot and channel. What clipping at zero added is taken from the following frames.
+///   against the equally filtered truth, pass the taps as energies: what leaves is >= 0, and in total as much
+///   leaves as came in, per colour channel of the list. What clipping a light at zero would add is taken from
+///   what other lights have above their steady level, then from the following frames.
 /// - *Direction*: the weighted sum of the unit vectors, normalised; where they nearly cancel (sum shorter than
 ///   0.1), the direction at the centre tap.
 /// - *Spread*: the weighted sum of the angles, limited to [0, pi]; it is no energy, so nothing is carried over.
@@ -40,7 +41,7 @@ pub struct LightFilter {
     taps: Taps,
     last: Option<Stamp>,
     light_count: usize,
-    /// Rows: RGB of every light, reference irradiances; then x, y, z of every light; then the spreads.
+    /// Rows: R of every light, G, B, reference irradiances; then x, y, z of every light; then the spreads.
     history: History,
     energies: EnergyFilter,
     energy_count: usize,
@@ -122,7 +123,10 @@ impl LightFilter {
             self.energy_count = energy_count(list);
             let behind = 4 * self.light_count;
             self.history = History::new(self.taps.as_slice().len(), self.energy_count + behind);
-            self.energies = EnergyFilter::new(self.taps.as_slice(), self.energy_count);
+            // One debt a channel for all lights, one for every reference irradiance.
+            let references = std::iter::repeat_n(1, list.reference_irradiance.len());
+            let groups = [self.light_count; 3].into_iter().chain(references);
+            self.energies = EnergyFilter::new(self.taps.as_slice(), groups);
             self.sums = vec![0.0; behind];
         }
         self.energies.clear();
@@ -138,8 +142,8 @@ impl LightFilter {
         // The overshoot of the largest f32 would become infinity.
         let stored = |value: f64| value.min(f64::from(f32::MAX)) as f32;
         let (powers, references) = out.split_at(3 * self.light_count);
-        for (light, rgb) in filtered.lights.iter_mut().zip(powers.chunks_exact(3)) {
-            light.irradiance = [stored(rgb[0]), stored(rgb[1]), stored(rgb[2])];
+        for (slot, light) in filtered.lights.iter_mut().enumerate() {
+            light.irradiance = [0, 1, 2].map(|channel| stored(powers[channel * self.light_count + slot]));
         }
         for (reference, &value) in filtered.reference_irradiance.iter_mut().zip(references) {
             *reference = stored(value);
@@ -179,16 +183,18 @@ fn energy_count(list: &LightList) -> usize {
 /// the length of the filter and in a debt for ever, so it is taken as no light, or as the direction +Y.
 fn write_row(list: &LightList, row: &mut [f32]) {
     let lawful = |value: f32| if (0.0..f32::INFINITY).contains(&value) { value } else { 0.0 };
-    let (powers, rest) = row.split_at_mut(3 * list.lights.len());
+    let count = list.lights.len();
+    let (powers, rest) = row.split_at_mut(3 * count);
     let (references, rest) = rest.split_at_mut(list.reference_irradiance.len());
-    let (vectors, spreads) = rest.split_at_mut(3 * list.lights.len());
-    for ((light, power), (vector, spread)) in (list.lights.iter().zip(powers.chunks_exact_mut(3)))
-        .zip(vectors.chunks_exact_mut(3).zip(spreads.iter_mut()))
-    {
-        power.copy_from_slice(&light.irradiance.map(lawful));
+    let (vectors, spreads) = rest.split_at_mut(3 * count);
+    for (slot, light) in list.lights.iter().enumerate() {
+        for channel in 0..3 {
+            powers[channel * count + slot] = lawful(light.irradiance[channel]);
+        }
         let finite = light.direction.iter().all(|value| value.is_finite());
-        vector.copy_from_slice(if finite { &light.direction } else { &[0.0, 1.0, 0.0] });
-        *spread = lawful(light.spread_rad);
+        let direction = if finite { light.direction } else { [0.0, 1.0, 0.0] };
+        vectors[3 * slot..3 * slot + 3].copy_from_slice(&direction);
+        spreads[slot] = lawful(light.spread_rad);
     }
     for (reference, &value) in references.iter_mut().zip(&list.reference_irradiance) {
         *reference = lawful(value);

@@ -1,9 +1,10 @@
 use crate::error::Result;
 use crate::image::{Attributes, Frame, LatLongCentres, Pixels, read};
+use exr::math::RoundingMode;
 use exr::meta::attribute::EnvironmentMap;
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, ImageAttributes,
-    IntegerBounds, Layer, LayerAttributes, LineOrder, SmallVec, Vec2, WritableImage, f16,
+    IntegerBounds, Layer, LayerAttributes, Levels, LineOrder, RipMaps, SmallVec, Vec2, WritableImage, f16,
 };
 use std::io::Cursor;
 
@@ -64,6 +65,38 @@ fn tiles_of_every_kind_and_compression_give_the_picture() {
             assert_eq!((frame.width, frame.height, frame.channels), (50, 30, 1));
             assert_eq!(frame.pixels, Pixels::Radiance(values.clone()), "{compression}, {blocks:?}");
         }
+    }
+}
+
+#[test]
+fn mip_maps_and_rip_maps_give_their_full_resolution() {
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        blocks: Blocks::Tiles(Vec2(4, 4)),
+        line_order: LineOrder::Increasing,
+    };
+    let full = floats(10 * 6, 0.0);
+    // 10 x 6, then halved and rounded down in both directions: 5 x 3, 2 x 1, 1 x 1.
+    let levels = vec![full.clone(), floats(15, 1000.0), floats(2, 2000.0), floats(1, 3000.0)];
+    let mip = Levels::Mip { rounding_mode: RoundingMode::Down, level_data: levels };
+    // The same with each direction halved on its own: widths 10, 5, 2, 1 for heights 6, 3, 1.
+    let sizes = [6, 3, 1].into_iter().flat_map(|height| [10, 5, 2, 1].map(|width| width * height));
+    let rip = Levels::Rip {
+        rounding_mode: RoundingMode::Down,
+        level_data: RipMaps {
+            map_data: sizes.enumerate().map(|(n, size)| floats(size, 1000.0 * n as f32)).collect(),
+            level_count: Vec2(4, 3),
+        },
+    };
+    for levels in [mip, rip] {
+        let channels = AnyChannels::sort([AnyChannel::new("Y", levels)].into_iter().collect());
+        let layer = Layer::new((10, 6), LayerAttributes::default(), encoding, channels);
+        let mut file = Cursor::new(Vec::new());
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut file).unwrap();
+        let mut frame = Frame::default();
+        read_bytes(file.get_ref(), &mut frame).unwrap();
+        assert_eq!((frame.width, frame.height), (10, 6));
+        assert_eq!(frame.pixels, Pixels::Radiance((0..60).map(|n| n as f32).collect()));
     }
 }
 
@@ -203,12 +236,29 @@ fn dwa_counters_beyond_reason_are_refused_before_they_are_believed() {
     };
     let halves = FlatSamples::F16((0..4096).map(|n| f16::from_f32((n % 61) as f32)).collect());
     let file = bytes(vec![part("a", (64, 64), encoding, channels(&[("Y", halves)]))]);
+    assert!(read_bytes(&file, &mut Frame::default()).is_ok());
     // The block starts with y = 0, its size, and the version 2 as first counter; AC values are the ninth.
     let version = [2_u8, 0, 0, 0, 0, 0, 0, 0];
     let start = file.windows(8).rposition(|window| window == version).expect("a DWA block");
     let mut absurd = file.clone();
     absurd[start + 8 * 8 + 5] = 1; // 2^40 values
     assert!(refusal(&absurd).contains("DWA block"), "{}", refusal(&absurd));
+}
+
+#[test]
+fn dwa_tiles_that_are_cut_and_stored_raw_are_read() {
+    // Noise does not shrink: the tiles are stored as they are, those at the edges with fewer bytes.
+    let noise = |n: u32| f16::from_f32((n.wrapping_mul(2_654_435_761) >> 24) as f32);
+    let values: Vec<f16> = (0..48 * 40).map(noise).collect();
+    let encoding = Encoding {
+        compression: Compression::DWAB(None),
+        blocks: Blocks::Tiles(Vec2(16, 16)),
+        line_order: LineOrder::Increasing,
+    };
+    let file = bytes(vec![part("a", (48, 40), encoding, channels(&[("Y", FlatSamples::F16(values))]))]);
+    let mut frame = Frame::default();
+    read_bytes(&file, &mut frame).unwrap();
+    assert_eq!((frame.width, frame.height), (48, 40));
 }
 
 #[test]

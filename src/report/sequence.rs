@@ -1,0 +1,269 @@
+//! Steadiness of lights over time: the garden and the hall of METHODS section 7, 40 frames of 360 x 90 hemispheres
+//! each, 128 lights, before and after the FIR.
+//!
+//! What is compared are irradiances at 200 places: the ground beside a sphere, in 10 x 10 cells of 6 x 6 points, and
+//! 100 normals. After the filter a list is judged against the irradiances of the maps passed through the same taps;
+//! irradiance is linear in the map, so this is the irradiance of the filtered map. The first 8 filtered frames are
+//! left out.
+
+use super::sequence_maps::{garden_frame, hall_frame};
+use crate::error::{Error, Result};
+use crate::image::{PolarMap, PolarShape, Stamp};
+use crate::light::measure::Emitters;
+use crate::light::{Extractor, Inversion, LightList, MapIrradiance, Options, Sampler};
+use crate::math::angle_between;
+use crate::temporal::{FilterOptions, LightFilter, design};
+use glam::DVec3;
+
+/// Size of the maps that the figures are given for.
+pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
+/// Frames of a sequence.
+pub const FRAMES: usize = 40;
+/// Lights of a list.
+pub const LIGHTS: usize = 128;
+/// The rate that the published taps are for.
+const FRAME_RATE_HZ: f64 = 25.0;
+/// Frames left out after the filter, whose history still holds repetitions of the first: its order.
+const START_UP: usize = 8;
+
+/// How the lights of a sequence are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Equal-power lights by the bicontinuous inversion, each frame by itself: the paper's.
+    Paper,
+    /// Refined lights, each frame by itself.
+    Refined,
+    /// Persistent lights.
+    Persistent,
+}
+
+/// How far lists are from the truth over a sequence, and how unsteadily.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// RMS of (value - reference) over frames and places, relative to the mean reference.
+    pub error: f64,
+    /// RMS of the second time difference of (value - reference), relative to the mean reference.
+    pub flicker: f64,
+    /// Angle that a light moves from one frame to the next, over all lights and frames: median, 99th percentile,
+    /// maximum, in degrees.
+    pub motion_deg: [f64; 3],
+}
+
+/// Figures of one method on one sequence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeforeAndAfter {
+    /// Of the lists as they are extracted.
+    pub before: Figures,
+    /// Of the filtered lists.
+    pub after: Figures,
+}
+
+/// A sequence of maps with its truth.
+pub struct Sequence {
+    maps: Vec<PolarMap>,
+    /// Irradiances at all places, frame by frame.
+    truth: Vec<Vec<f64>>,
+    filtered_truth: Vec<Vec<f64>>,
+}
+
+impl Sequence {
+    /// The garden: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column 20 - t in frame
+    /// t; its sun crosses phi = 0 in frame 20.
+    ///
+    /// # Errors
+    /// Kind `Usage` for a map of another shape than [`SHAPE`].
+    pub fn garden(map: &PolarMap) -> Result<Self> {
+        check_shape(map)?;
+        Self::new(|t| garden_frame(map, t))
+    }
+
+    /// The hall: `map` (`dancing_hall_1k`), whose pixels in columns 71-149 above its 97th percentile of luminance
+    /// are multiplied by `1 + 0.5 sin(2 pi 0.38 t)` in frame t: lamps that flicker at 9.5 Hz.
+    ///
+    /// # Errors
+    /// Kind `Usage` for a map of another shape than [`SHAPE`].
+    pub fn hall(map: &PolarMap) -> Result<Self> {
+        check_shape(map)?;
+        Self::new(|t| hall_frame(map, t))
+    }
+
+    fn new(frame: impl Fn(usize) -> PolarMap) -> Result<Self> {
+        let maps: Vec<PolarMap> = (0..FRAMES)
+            .map(|t| {
+                let stamp = Stamp {
+                    sequence: t as u64,
+                    capture_time_ns: (t as f64 * 1e9 / FRAME_RATE_HZ) as i64,
+                    lost_before: 0,
+                    frame_rate_hz: FRAME_RATE_HZ,
+                };
+                PolarMap { stamp, ..frame(t) }
+            })
+            .collect();
+        let truth: Vec<Vec<f64>> = maps.iter().map(|map| values(&Emitters::from_map(map))).collect();
+        let taps = design(FRAME_RATE_HZ, &FilterOptions::default())?;
+        // As the light filter does, take the first frame for all time before.
+        let filtered_truth = (0..FRAMES)
+            .map(|t| {
+                let at = |place: usize| {
+                    let taps = taps.as_slice().iter().enumerate();
+                    taps.map(|(age, tap)| tap * truth[t.saturating_sub(age)][place]).sum()
+                };
+                (0..truth[t].len()).map(at).collect()
+            })
+            .collect();
+        Ok(Self { maps, truth, filtered_truth })
+    }
+
+    /// Extracts, filters and measures.
+    ///
+    /// # Errors
+    /// Those of the extractor and the filter.
+    pub fn measure(&self, method: Method) -> Result<BeforeAndAfter> {
+        let sampler = match method {
+            Method::Paper => Sampler::EqualPower,
+            Method::Refined => Sampler::Refined,
+            Method::Persistent => Sampler::Persistent,
+        };
+        let options =
+            Options { count: LIGHTS, sampler, inversion: Inversion::Bicontinuous, ..Options::default() };
+        let mut extractor = Extractor::new(SHAPE, &options)?;
+        let mut irradiance = MapIrradiance::new(SHAPE);
+        let mut filter = LightFilter::new(&FilterOptions::default())?;
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        for map in &self.maps {
+            let (mut list, mut filtered) = (LightList::default(), LightList::default());
+            extractor.step(map, &mut list);
+            irradiance.reference(map, &mut list.reference_irradiance);
+            filter.step(&list, &mut filtered)?;
+            before.push(list);
+            after.push(filtered);
+        }
+        Ok(BeforeAndAfter {
+            before: figures(&before, &self.truth),
+            after: figures(&after[START_UP..], &self.filtered_truth[START_UP..]),
+        })
+    }
+}
+
+fn check_shape(map: &PolarMap) -> Result<()> {
+    if map.shape == SHAPE && map.pixels.len() == SHAPE.len() {
+        return Ok(());
+    }
+    Err(Error::usage(format!(
+        "a map of {} x {} pixels down to {:.4} rad: the sequences are measured on hemispheres of {} x {}",
+        map.shape.columns, map.shape.rows, map.shape.theta_max_rad, SHAPE.columns, SHAPE.rows
+    )))
+}
+
+/// Irradiances at the places where sequences are compared.
+fn values(emitters: &Emitters) -> Vec<f64> {
+    let mut values = emitters.ground_cells(10, 6);
+    values.extend(emitters.irradiances(100));
+    values
+}
+
+fn figures(lists: &[LightList], truth: &[Vec<f64>]) -> Figures {
+    let differences: Vec<Vec<f64>> = (lists.iter().zip(truth))
+        .map(|(list, truth)| {
+            let values = values(&Emitters::from_lights(&list.lights));
+            values.iter().zip(truth).map(|(value, truth)| value - truth).collect()
+        })
+        .collect();
+    let mean = truth.iter().flatten().sum::<f64>() / truth.iter().flatten().count() as f64;
+    let second_differences = differences
+        .windows(3)
+        .flat_map(|d| (0..d[0].len()).map(move |place| d[2][place] - 2.0 * d[1][place] + d[0][place]));
+    let mut motion: Vec<f64> = lists
+        .windows(2)
+        .flat_map(|pair| pair[0].lights.iter().zip(&pair[1].lights))
+        .map(|(a, b)| {
+            let [a, b] = [a, b].map(|light| DVec3::from_array(light.direction.map(f64::from)));
+            angle_between(a, b).to_degrees()
+        })
+        .collect();
+    motion.sort_by(f64::total_cmp);
+    Figures {
+        error: rms(differences.iter().flatten().copied()) / mean,
+        flicker: rms(second_differences) / mean,
+        motion_deg: [0.5, 0.99, 1.0].map(|fraction| percentile(&motion, fraction)),
+    }
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value * value, count + 1));
+    (sum / count.max(1) as f64).sqrt()
+}
+
+/// Value below which a fraction of sorted values lies, linear between neighbours; 0 of nothing.
+pub(super) fn percentile(sorted: &[f64], fraction: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+    let position = fraction * last as f64;
+    let below = (position as usize).min(last);
+    let above = (below + 1).min(last);
+    sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::Light;
+    use crate::math::direction;
+
+    /// A lamp overhead of some power, beside a still one at the side that turns by `turn_rad` a frame.
+    fn list(power: f32, azimuth_rad: f64) -> LightList {
+        let light = |id, theta: f64, irradiance: f32| Light {
+            id,
+            direction: direction(theta, azimuth_rad).as_vec3().to_array(),
+            irradiance: [irradiance; 3],
+            spread_rad: 0.0,
+        };
+        let mut list = LightList::default();
+        list.lights = vec![light(0, 0.0, power), light(1, std::f64::consts::FRAC_PI_2, 0.0)];
+        list
+    }
+
+    fn truth(list: &LightList) -> Vec<f64> {
+        values(&Emitters::from_lights(&list.lights))
+    }
+
+    #[test]
+    fn steady_offsets_are_error_without_flicker_and_alternating_ones_are_both() {
+        let reference: Vec<Vec<f64>> = vec![truth(&list(1.0, 0.0)); 10];
+        let mean = reference[0].iter().sum::<f64>() / 200.0;
+        let square = reference[0].iter().map(|value| value * value).sum::<f64>() / 200.0;
+        // All values scale with the power, so an offset of 10 % is 0.1 of the RMS value.
+        let tenth = 0.1 * square.sqrt() / mean;
+        let steady: Vec<LightList> = (0..10).map(|_| list(1.1, 0.0)).collect();
+        let found = figures(&steady, &reference);
+        assert!((found.error / tenth - 1.0).abs() < 1e-6 && found.flicker < 1e-12, "{found:?}");
+        let alternating: Vec<LightList> =
+            (0..10).map(|t| list(if t % 2 == 0 { 1.1 } else { 0.9 }, 0.0)).collect();
+        let found = figures(&alternating, &reference);
+        // Second difference of +e, -e, +e is 4 e.
+        assert!((found.error / tenth - 1.0).abs() < 1e-6, "{found:?}");
+        assert!((found.flicker / (4.0 * tenth) - 1.0).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn motion_is_in_degrees_a_frame_over_all_slots() {
+        let lists: Vec<LightList> = (0..10).map(|t| list(1.0, 0.02 * f64::from(t))).collect();
+        let reference: Vec<Vec<f64>> = lists.iter().map(truth).collect();
+        let [p50, p99, max] = figures(&lists, &reference).motion_deg;
+        // Half the lights stand still, the others turn by 0.02 rad.
+        let turn = 0.02f64.to_degrees();
+        assert!((p50 - 0.5 * turn).abs() < 1e-4 && (p99 - turn).abs() < 1e-4 && (max - turn).abs() < 1e-4);
+    }
+
+    #[test]
+    fn percentiles_lie_between_neighbours() {
+        let sorted = [1.0, 2.0, 4.0];
+        assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(|p| percentile(&sorted, p)), [1.0, 1.5, 2.0, 3.0, 4.0]);
+        assert_eq!((percentile(&[], 0.5), percentile(&[3.0], 0.97)), (0.0, 3.0));
+    }
+
+    #[test]
+    fn maps_of_another_shape_are_refused() {
+        let error = Sequence::garden(&PolarMap::black(PolarShape::sphere(360, 180))).err().unwrap();
+        assert!(error.to_string().contains("360 x 180"), "{error}");
+    }
+}

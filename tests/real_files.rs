@@ -1,0 +1,209 @@
+//! Real picture files against the figures that came with them (`SOURCES.md` beside each).
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use lightcast::image::{Attributes, Frame, LatLongCentres, Pixels, luminance, read};
+use lightcast::source::{Next, Sequence, SequenceOptions, Source};
+use std::f64::consts::PI;
+use std::fs;
+use std::path::PathBuf;
+
+/// The folder with real data, or none after saying so.
+fn data(test: &str) -> Option<PathBuf> {
+    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
+    let folder = PathBuf::from(std::env::var_os("LIGHTCAST_DATA").unwrap_or_else(|| default.into()));
+    if folder.join("env").is_dir() {
+        return Some(folder);
+    }
+    eprintln!("skipped: {test}: no real maps in {}", folder.display());
+    None
+}
+
+fn rgb(frame: &Frame) -> &[[f32; 3]] {
+    let Pixels::Radiance(values) = &frame.pixels else { panic!("codes") };
+    assert_eq!((frame.channels, values.len()), (3, frame.width * frame.height * 3));
+    values.as_chunks().0
+}
+
+/// Product of the two EXPOSURE lines of `ward_fisheye180_test.hdr`.
+const WARD_EXPOSURE: f64 = 2.720623e-2 * 4.676974e1;
+
+/// What `SOURCES.md` says of a map; luminance of the values as stored, the mean weighted by solid angle.
+struct Described {
+    name: String,
+    is_lat_long: bool,
+    width: usize,
+    height: usize,
+    max: f64,
+    mean: f64,
+}
+
+/// Every map that `SOURCES.md` describes.
+fn described(sources: &str) -> Vec<Described> {
+    let mut maps = Vec::new();
+    for section in sources.split("\n## ").skip(1) {
+        let Some((_, projection)) = section.split_once("projection: ") else { continue };
+        let line = section.lines().find(|line| line.contains("luminance max")).expect("a line of figures");
+        let number = |key: &str| -> f64 {
+            let rest = line.split_once(key).expect("the key").1;
+            rest.split([',', ';']).next().unwrap().trim().parse().expect("a number")
+        };
+        let (width, height) = line[2..].split_once(';').unwrap().0.split_once('x').unwrap();
+        maps.push(Described {
+            name: section.split_whitespace().next().expect("a heading").to_owned(),
+            is_lat_long: projection.starts_with("latlong"),
+            width: width.parse().unwrap(),
+            height: height.parse().unwrap(),
+            max: number("luminance max "),
+            mean: number("mean "),
+        });
+    }
+    maps
+}
+
+#[test]
+fn every_map_has_the_size_the_peak_and_the_mean_luminance_of_its_description() {
+    let Some(folder) = data("maps against their description") else { return };
+    let sources = fs::read_to_string(folder.join("env/SOURCES.md")).unwrap();
+    let maps = described(&sources);
+    let mut frame = Frame::default();
+    let mut compared = 0;
+    for Described { name, is_lat_long, width, height, max, mean } in &maps {
+        let attributes = read(&folder.join("env").join(name), &mut frame).unwrap();
+        assert_eq!((frame.width, frame.height), (*width, *height), "{name}");
+        let (mut sum, mut weights, mut peak) = (0.0, 0.0, 0.0_f64);
+        for (index, &pixel) in rgb(&frame).iter().enumerate() {
+            let (row, column) = (index / frame.width, index % frame.width);
+            // The weights of the description: sine of the polar angle, and sin(theta) / theta for the angular map,
+            // whose circle touches the edges.
+            let weight = if *is_lat_long {
+                (PI * (row as f64 + 0.5) / frame.height as f64).sin()
+            } else {
+                let x = 2.0 * (column as f64 + 0.5) / frame.width as f64 - 1.0;
+                let y = 2.0 * (row as f64 + 0.5) / frame.height as f64 - 1.0;
+                let theta = x.hypot(y) * PI / 2.0;
+                if theta > PI / 2.0 { continue } else { theta.sin() / theta }
+            };
+            sum += weight * f64::from(luminance(pixel));
+            weights += weight;
+            peak = peak.max(f64::from(luminance(pixel)));
+        }
+        let measured = sum / weights;
+        println!("{name}: max {peak:.6} ({max}), mean {measured:.6} ({mean}), {attributes:?}");
+        // Of stored values, five digits of them.
+        let exposure = if name.starts_with("ward") { WARD_EXPOSURE } else { 1.0 };
+        let (max, mean) = (max / exposure, mean / exposure);
+        compared += 1;
+        assert!((measured / mean - 1.0).abs() < 1e-4, "{name}: mean {measured}, described as {mean}");
+        assert!((peak / max - 1.0).abs() < 1e-4, "{name}: max {peak}, described as {max}");
+    }
+    assert_eq!(maps.iter().filter(|map| map.name.ends_with("_1k.hdr")).count(), 13);
+    assert_eq!(compared, maps.len());
+}
+
+#[test]
+fn all_pictures_of_the_folder_are_read() {
+    let Some(folder) = data("all pictures") else { return };
+    let mut frame = Frame::default();
+    let mut count = 0;
+    for entry in fs::read_dir(folder.join("env")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "hdr" || extension == "exr") {
+            read(&path, &mut frame).unwrap();
+            assert!(rgb(&frame).iter().flatten().all(|value| value.is_finite()), "{}", path.display());
+            count += 1;
+        }
+    }
+    assert!(count >= 18, "{count}");
+}
+
+#[test]
+fn tiled_mip_mapped_lat_longs_with_the_attribute_have_their_centres_on_the_poles() {
+    let Some(folder) = data("envmap attribute") else { return };
+    let mut frame = Frame::default();
+    for name in
+        ["KernerEnvLatLong.exr", "StageEnvLatLong.exr", "OrientationLatLong.exr", "WavyLinesLatLong.exr"]
+    {
+        let attributes = read(&folder.join("env").join(name), &mut frame).unwrap();
+        assert_eq!(attributes.latlong_centres, LatLongCentres::Ends, "{name}");
+        // Then the first and the last row are one point each, and the first and the last column are the same
+        // meridian; a chart drawn so is constant along the pole.
+        if name.starts_with("Wavy") {
+            let row = &rgb(&frame)[..frame.width];
+            assert!(row.iter().all(|pixel| (luminance(*pixel) - luminance(row[0])).abs() < 0.01));
+        }
+    }
+    let half = read(&folder.join("env/dancing_hall_1k.hdr"), &mut frame).unwrap();
+    assert_eq!(half, Attributes::default());
+}
+
+#[test]
+fn both_exposure_lines_of_the_fisheye_divide() {
+    let Some(folder) = data("two EXPOSURE lines") else { return };
+    let path = folder.join("env/ward_fisheye180_test.hdr");
+    let mut frame = Frame::default();
+    read(&path, &mut frame).unwrap();
+    let divided = rgb(&frame).to_vec();
+    // The same file with its EXPOSURE lines renamed gives the pixels as stored.
+    let mut bytes = fs::read(&path).unwrap();
+    let mut lines = 0;
+    for at in 0..1000 {
+        if bytes[at..].starts_with(b"\nEXPOSURE=") {
+            bytes[at + 1] = b'X';
+            lines += 1;
+        }
+    }
+    assert_eq!(lines, 2);
+    let copy = tempfile::NamedTempFile::new().unwrap();
+    fs::write(copy.path(), bytes).unwrap();
+    read(copy.path(), &mut frame).unwrap();
+    for (stored, divided) in rgb(&frame).as_flattened().iter().zip(divided.as_flattened()) {
+        let expected = f64::from(*stored) / WARD_EXPOSURE;
+        assert!((f64::from(*divided) - expected).abs() <= 1e-7 * expected, "{divided} for {expected}");
+    }
+}
+
+#[test]
+fn probe_sweep_plays_as_a_sequence() {
+    let Some(folder) = data("probe sweep") else { return };
+    let options = SequenceOptions {
+        path: folder.join("probes/scene_a/sweep_###.exr"),
+        frame_rate_hz: Some(25.0),
+        last: Some(9),
+        ..SequenceOptions::default()
+    };
+    let mut sequence = Sequence::open(&options).unwrap();
+    let format = sequence.format();
+    assert_eq!((format.width, format.height % 32, format.channels), (64, 0, 3));
+    let mut frame = Frame::default();
+    for number in 0..10 {
+        assert_eq!(sequence.next(&mut frame).unwrap(), Next::Frame);
+        assert_eq!((frame.stamp.sequence, frame.stamp.lost_before), (number, 0));
+        assert_eq!(frame.stamp.capture_time_ns, number as i64 * 40_000_000);
+        assert!(rgb(&frame).iter().flatten().all(|value| value.is_finite() && *value >= 0.0));
+    }
+    assert_eq!(sequence.next(&mut frame).unwrap(), Next::End);
+    // The last file of the sweep is shorter: a frame of another size.
+    let all = SequenceOptions { last: None, ..options };
+    let mut sequence = Sequence::open(&all).unwrap();
+    assert_eq!(sequence.file_count(), 11);
+    let errors: Vec<String> =
+        (0..11).filter_map(|_| sequence.next(&mut frame).err().map(|error| error.to_string())).collect();
+    assert_eq!(errors.len(), 1);
+    assert!(errors[0].contains("sweep_010.exr: is 64 x "), "{}", errors[0]);
+}
+
+#[test]
+fn camera_codes_of_16_bits_are_read_as_they_stand() {
+    let Some(folder) = data("16-bit camera pictures") else { return };
+    let mut frame = Frame::default();
+    for name in ["cam0.png", "cam1.png", "tum_vi_with_chart.png"] {
+        read(&folder.join("calib/tum_vi").join(name), &mut frame).unwrap();
+        assert_eq!((frame.width, frame.height, frame.channels), (512, 512, 1));
+        let Pixels::Codes(codes) = &frame.pixels else { panic!("radiance") };
+        let max = codes.iter().max().unwrap();
+        let mean = codes.iter().map(|&code| u64::from(code)).sum::<u64>() / codes.len() as u64;
+        println!("{name}: mean code {mean}, largest {max}");
+        assert!(*max > 255, "{name}: 8 bits only");
+    }
+}
