@@ -182,12 +182,9 @@ fn rotation<'de, D: Deserializer<'de>>(value: D) -> Result<Option<DMat3>, D::Err
         y.dot(z),
         z.dot(x),
         x.cross(y).dot(z) - 1.0,
-    ]
-    .map(f64::abs)
-    .into_iter()
-    .fold(0.0, |worst: f64, off| if off <= worst { worst } else { off });
-    // Written so that a NaN is refused too.
-    if !(off <= ROTATION_TOLERANCE) {
+    ];
+    // A NaN is not within the tolerance either.
+    if !off.iter().all(|off| off.abs() <= ROTATION_TOLERANCE) {
         return Err(D::Error::custom(
             "is no rotation: the three rows must be unit vectors at right angles, right-handed (determinant +1)",
         ));

@@ -66,7 +66,8 @@ struct Signal {
 
 impl Signal {
     fn new() -> Self {
-        let (open, raised) = bounded(0);
+        // Not 0: a wait on a channel without places allocates every time, and links wait for this in every frame.
+        let (open, raised) = bounded(1);
         Self { open: Arc::new(Mutex::new(Some(open))), raised }
     }
 

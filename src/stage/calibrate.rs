@@ -24,8 +24,10 @@ impl Stage for Calibrate {
     type Output = PolarMap;
 
     fn step(&mut self, frame: &Frame, map: &mut PolarMap) -> Result<Flow> {
-        let counts = self.frame_to_polar.apply(frame, &self.response, map)?;
-        map.stamp = frame.stamp;
+        let counts = self
+            .frame_to_polar
+            .apply(frame, &self.response, map)
+            .map_err(|error| error.at(format_args!("frame {}", frame.stamp.sequence)))?;
         self.counters.add(&counts);
         Ok(Flow::Send)
     }
