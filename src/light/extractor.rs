@@ -154,6 +154,17 @@ impl Extractor {
     /// # Panics
     /// If the map is not of this extractor's shape.
     pub fn step(&mut self, map: &PolarMap, list: &mut LightList) {
+        self.extract(map, list);
+        self.map_irradiance.reference(map, &mut list.reference_irradiance);
+        self.list_error.prefix_errors(&list.lights, &list.reference_irradiance, &mut list.prefix_errors);
+        list.error = list.prefix_errors.last().map_or(0.0, |&(_, error)| error);
+    }
+
+    /// [`Self::step`] without the errors, which are left as they are.
+    ///
+    /// # Panics
+    /// If the map is not of this extractor's shape.
+    pub fn extract(&mut self, map: &PolarMap, list: &mut LightList) {
         assert!(map.shape == self.shape && map.pixels.len() == self.shape.len(), "the map's shape");
         list.stamp = map.stamp;
         list.filter_delay_frames = 0;
@@ -179,9 +190,6 @@ impl Extractor {
             }
         }
         list.power = list.sum_of_lights();
-        self.map_irradiance.reference(map, &mut list.reference_irradiance);
-        self.list_error.prefix_errors(&list.lights, &list.reference_irradiance, &mut list.prefix_errors);
-        list.error = list.prefix_errors.last().map_or(0.0, |&(_, error)| error);
     }
 
     /// For every pixel, row-major, the slot of the light that the last frame gave it to; not used by equal power.

@@ -16,6 +16,8 @@ mod refine;
 #[cfg(test)]
 mod extractor_tests;
 #[cfg(test)]
+mod sequence_tests;
+#[cfg(test)]
 pub(crate) mod test_maps;
 
 pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};

@@ -17,9 +17,10 @@ const LANES: usize = 16;
 /// often; of 3 to 12 degrees this was the fastest at 300 sites.
 const BLOCK_SIZE_RAD: f64 = 8.0 * TAU / 360.0;
 
-/// A site is ruled out for a block if it loses by more than this. Dot products in f32 are off by up to 3e-7: with
-/// the slack whatever is ruled out would also have lost in f32, and the result is that of comparing all sites.
-const SLACK: f32 = 2e-6;
+/// By how much more than the bound a site must lose to be ruled out for a block. It then loses by at least 0.7 of this
+/// at every pixel, and dot products in f32 are off by up to 3e-7, the bound by less than 1e-6: whatever is ruled out
+/// would also have lost in f32, and the result is that of comparing all sites.
+const SLACK: f32 = 4e-6;
 
 /// Assigns every pixel of maps of one shape to its nearest site.
 #[derive(Clone, Debug)]
@@ -59,7 +60,7 @@ struct Sites {
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
-    /// Scratch: how much each loses to the best at the centre of the block, less the bound; <= 0 is a candidate.
+    /// Scratch: above 0 for sites that are ruled out for the block.
     margin: Vec<f32>,
 }
 
@@ -182,29 +183,36 @@ impl Sites {
     }
 }
 
-/// For every site s, with t the nearest to `centre`: `c . (t - s) - |t - s| sin_radius - SLACK`.
+/// For every site s, with t the nearest to `centre`, a number above 0 if `c . (t - s) - SLACK > |t - s| sin_radius`.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn margins(x: &[f32], y: &[f32], z: &[f32], margin: &mut [f32], centre: [f32; 3], sin_radius: f32) {
-    let mut best = [f32::NEG_INFINITY; LANES];
-    let chunks = x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0).zip(z.as_chunks::<LANES>().0);
-    for (((x, y), z), margin) in chunks.clone().zip(margin.as_chunks_mut::<LANES>().0) {
+    // Slices of one length and plain loops: this is what compilers turn into vector code.
+    let count = margin.len();
+    let (x, y, z) = (&x[..count], &y[..count], &z[..count]);
+    for i in 0..count {
+        margin[i] = centre[0] * x[i] + centre[1] * y[i] + centre[2] * z[i];
+    }
+    let (mut best, mut place) = ([f32::NEG_INFINITY; LANES], [0; LANES]);
+    for (chunk, dots) in margin.as_chunks::<LANES>().0.iter().enumerate() {
         for lane in 0..LANES {
-            let dot = centre[0] * x[lane] + centre[1] * y[lane] + centre[2] * z[lane];
-            margin[lane] = dot;
-            best[lane] = if dot > best[lane] { dot } else { best[lane] };
+            let better = dots[lane] > best[lane];
+            best[lane] = if better { dots[lane] } else { best[lane] };
+            place[lane] = if better { chunk as u32 } else { place[lane] };
         }
     }
-    let top = best.into_iter().fold(f32::NEG_INFINITY, f32::max);
-    let nearest = margin.iter().position(|&dot| dot >= top).unwrap_or(0);
+    let mut winner = 0;
+    for lane in 1..LANES {
+        winner = if best[lane] > best[winner] { lane } else { winner };
+    }
+    let (top, nearest) = (best[winner], place[winner] as usize * LANES + winner);
     let t = [x[nearest], y[nearest], z[nearest]];
-    for (((x, y), z), margin) in chunks.zip(margin.as_chunks_mut::<LANES>().0) {
-        for lane in 0..LANES {
-            let (dx, dy, dz) = (t[0] - x[lane], t[1] - y[lane], t[2] - z[lane]);
-            let length = (dx * dx + dy * dy + dz * dz).sqrt();
-            // An infinite sine times a length of 0 is NaN; `max` against the finite bound takes it out.
-            let reach = (length * sin_radius).max(0.0);
-            margin[lane] = top - margin[lane] - reach - SLACK;
-        }
+    for i in 0..count {
+        let (dx, dy, dz) = (t[0] - x[i], t[1] - y[i], t[2] - z[i]);
+        // Squares with their sign compare as the values do, and spare a root. An infinite sine times a distance of 0
+        // is NaN; `max` takes it out.
+        let reach = ((dx * dx + dy * dy + dz * dz) * (sin_radius * sin_radius)).max(0.0);
+        let lost = top - margin[i] - SLACK;
+        margin[i] = lost * lost.abs() - reach;
     }
 }
 
@@ -230,13 +238,13 @@ fn compare(candidates: &[Candidate], block: &Block, tables: &Tables, nearest: &m
             }
             let mut best = [f32::NEG_INFINITY; LANES];
             let mut index = [0; LANES];
-            for candidate in candidates {
-                let [x, y, z] = candidate.direction;
+            // Copied out: a choice between places in memory would be made lane by lane.
+            for &Candidate { direction: [x, y, z], index: candidate } in candidates {
                 for lane in 0..LANES {
                     let dot = px[lane] * x + cos_theta * y + pz[lane] * z;
                     let better = dot > best[lane];
                     best[lane] = if better { dot } else { best[lane] };
-                    index[lane] = if better { candidate.index } else { index[lane] };
+                    index[lane] = if better { candidate } else { index[lane] };
                 }
             }
             let end = (start + LANES).min(tables.columns);

@@ -48,7 +48,14 @@ pub fn relax(points: &mut [[f64; 2]]) {
 fn torus_offset(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [0, 1].map(|axis| {
         let d = b[axis] - a[axis];
-        d - d.round()
+        // Both lie in [0, 1). Comparing is much faster than `d - d.round()`, a library call on plain x86-64.
+        if d > 0.5 {
+            d - 1.0
+        } else if d < -0.5 {
+            d + 1.0
+        } else {
+            d
+        }
     })
 }
 
@@ -84,6 +91,16 @@ impl Grid {
     fn nearest(&self, points: &[[f64; 2]], x: [f64; 2]) -> (usize, [f64; 2]) {
         let side = self.side as isize;
         let home = x.map(|c| Self::cell(self.side, c) as isize);
+        // At most one side beyond either end: comparing saves two divisions for every bucket.
+        let wrap = |i: isize| {
+            (if i < 0 {
+                i + side
+            } else if i >= side {
+                i - side
+            } else {
+                i
+            }) as usize
+        };
         let (mut best, mut best_square, mut best_offset) = (usize::MAX, f64::INFINITY, [0.0; 2]);
         for ring in 0..=side / 2 {
             for dy in -ring..=ring {
@@ -91,8 +108,7 @@ impl Grid {
                 let step = if dy.abs() == ring { 1 } else { (2 * ring).max(1) };
                 let mut dx = -ring;
                 while dx <= ring {
-                    let bucket =
-                        ((home[1] + dy).rem_euclid(side) * side + (home[0] + dx).rem_euclid(side)) as usize;
+                    let bucket = wrap(home[1] + dy) * self.side + wrap(home[0] + dx);
                     for &i in &self.order[self.starts[bucket]..self.starts[bucket + 1]] {
                         let offset = torus_offset(points[i], x);
                         let square = offset[0] * offset[0] + offset[1] * offset[1];
