@@ -4,6 +4,7 @@
 # make tables error of the lights on the real maps, as tables (needs the maps; see LIGHTCAST_DATA in README.md)
 
 CARGO_FLAGS = --locked
+DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
 .PHONY: demo test bench tables system-packages
 
@@ -27,4 +28,5 @@ bench: system-packages
 	cargo bench $(CARGO_FLAGS)
 
 tables: system-packages
-	cargo run $(CARGO_FLAGS) --release -- report
+	cargo run $(CARGO_FLAGS) --release -- report $(DATA)/env/*_1k.hdr \
+	    --garden $(DATA)/env/chinese_garden_1k.hdr --hall $(DATA)/env/dancing_hall_1k.hdr

@@ -1,9 +1,8 @@
-use crate::camera::{FrameToPolar, PixelCounts, Projection, Response};
-use crate::error::{Error, Kind, Result};
-use crate::image::{self, Frame, PolarMap, PolarShape};
+use super::panorama::read_panorama;
+use crate::error::{Error, Result};
+use crate::image::PolarShape;
 use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
 use clap::ValueEnum;
-use glam::DMat3;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -79,7 +78,13 @@ impl FromStr for Resolution {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let map = read_panorama(arguments)?;
+    let shape = match (arguments.resolution, arguments.hemisphere) {
+        (None, false) => PolarShape::sphere(360, 180),
+        (None, true) => PolarShape::hemisphere(360, 90),
+        (Some(Resolution { columns, rows }), false) => PolarShape::sphere(columns, rows),
+        (Some(Resolution { columns, rows }), true) => PolarShape::hemisphere(columns, rows),
+    };
+    let map = read_panorama(&arguments.map, shape)?;
     let options = Options {
         count: arguments.count,
         sampler: match arguments.sampler {
@@ -100,30 +105,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         }
         _ => Ok(()),
     }
-}
-
-fn read_panorama(arguments: &Arguments) -> Result<PolarMap> {
-    let path = arguments.map.display();
-    let mut frame = Frame::default();
-    let attributes =
-        image::read(&arguments.map, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
-    let shape = match (arguments.resolution, arguments.hemisphere) {
-        (None, false) => PolarShape::sphere(360, 180),
-        (None, true) => PolarShape::hemisphere(360, 90),
-        (Some(Resolution { columns, rows }), false) => PolarShape::sphere(columns, rows),
-        (Some(Resolution { columns, rows }), true) => PolarShape::hemisphere(columns, rows),
-    };
-    let projection =
-        Projection::LatLong { width: frame.width, height: frame.height, centres: attributes.latlong_centres };
-    let mut map = PolarMap::black(shape);
-    let counts = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?
-        .apply(&frame, &Response::default(), &mut map)
-        .map_err(|error| error.with_kind(Kind::Failed).at(&path))?;
-    let PixelCounts { nan, infinite, negative, .. } = counts;
-    if nan + infinite + negative > 0 {
-        tracing::warn!("{path}: taken as black: {nan} pixels NaN, {infinite} infinite, {negative} negative");
-    }
-    Ok(map)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 mod lights;
 mod messages;
+mod panorama;
 mod run;
 mod signals;
 

@@ -1,9 +1,8 @@
 use super::{Canvas, ToneCurve};
 use crate::image::PolarMap;
 use crate::light::Light;
-use crate::math::polar;
+use crate::math::zone_solid_angle;
 use glam::{DVec3, Vec3};
-use std::f64::consts::TAU;
 
 /// Size of one of the two halves in pixels.
 const WIDTH: usize = 320;
@@ -16,6 +15,8 @@ const GROUND_HALF_SIDE: f64 = 1.5;
 /// Albedos (Lambert).
 const SPHERE_ALBEDO: f32 = 0.75;
 const GROUND_ALBEDO: f32 = 0.55;
+/// Radiance of the backdrop in parts of the map's mean radiance.
+const BACKDROP: f64 = 0.1;
 /// Emitters summed side by side.
 const LANES: usize = 8;
 
@@ -99,7 +100,7 @@ impl Emitters {
 enum Hit {
     Sphere { normal: DVec3 },
     Ground { at: DVec3 },
-    Sky { direction: DVec3 },
+    Backdrop,
 }
 
 /// A pinhole camera that looks at the scene from above.
@@ -133,16 +134,19 @@ impl Camera {
         }
         let at = self.eye - ray * (self.eye.y / ray.y);
         let inside = ray.y < 0.0 && at.x.abs() < GROUND_HALF_SIDE && at.z.abs() < GROUND_HALF_SIDE;
-        if inside { Hit::Ground { at } } else { Hit::Sky { direction: ray } }
+        if inside { Hit::Ground { at } } else { Hit::Backdrop }
     }
 }
 
 /// The scene of METHODS section 9 twice: on the left shaded by the lights, on the right by every pixel of the map.
-/// Both halves share one tone curve.
+/// Both halves share one tone curve and a dim backdrop of the map's mean colour: the camera sees no sky.
 pub fn draw_scene(map: &PolarMap, lights: &[Light]) -> Canvas {
     let camera = Camera::new();
+    let power = map.power();
+    let extent = zone_solid_angle(0.0, map.shape.theta_max_rad, 1.0);
+    let backdrop = power.map(|power| (BACKDROP * power / extent) as f32);
     let halves = [Emitters::of_lights(lights), Emitters::of_map(map)].map(|emitters| {
-        let pixels = (0..WIDTH * HEIGHT).map(|i| shade(&camera, &emitters, map, i % WIDTH, i / WIDTH));
+        let pixels = (0..WIDTH * HEIGHT).map(|i| shade(&camera, &emitters, backdrop, i % WIDTH, i / WIDTH));
         pixels.collect::<Vec<[f32; 3]>>()
     });
     let tone = ToneCurve::for_pixels(&halves[1]);
@@ -150,24 +154,19 @@ pub fn draw_scene(map: &PolarMap, lights: &[Light]) -> Canvas {
 }
 
 /// Radiance of one pixel: every surface that it shows is shaded once, at its mean position, and counts by its share.
-fn shade(camera: &Camera, emitters: &Emitters, map: &PolarMap, x: usize, y: usize) -> [f32; 3] {
+fn shade(camera: &Camera, emitters: &Emitters, backdrop: [f32; 3], x: usize, y: usize) -> [f32; 3] {
     let (mut normal, mut normals) = (DVec3::ZERO, 0);
     let (mut at, mut ats) = (DVec3::ZERO, 0);
-    let (mut sky, mut skies) = ([0.0f32; 3], 0);
     for i in 0..COVERAGE_STEPS * COVERAGE_STEPS {
         let offset = |i: usize| (i as f64 + 0.5) / COVERAGE_STEPS as f64;
         match camera.trace(x as f64 + offset(i % COVERAGE_STEPS), y as f64 + offset(i / COVERAGE_STEPS)) {
             Hit::Sphere { normal: n } => (normal, normals) = (normal + n, normals + 1),
             Hit::Ground { at: p } => (at, ats) = (at + p, ats + 1),
-            Hit::Sky { direction } => {
-                let radiance = radiance_towards(map, direction);
-                (0..3).for_each(|channel| sky[channel] += radiance[channel]);
-                skies += 1;
-            }
+            Hit::Backdrop => {}
         }
     }
     let share = 1.0 / (COVERAGE_STEPS * COVERAGE_STEPS) as f32;
-    let mut pixel = sky.map(|sum| if skies > 0 { sum * share } else { 0.0 });
+    let mut pixel = backdrop.map(|value| value * (1.0 - (normals + ats) as f32 * share));
     let mut add = |radiance: [f32; 3], count: i32| {
         (0..3).for_each(|channel| pixel[channel] += radiance[channel] * count as f32 * share);
     };
@@ -178,17 +177,6 @@ fn shade(camera: &Camera, emitters: &Emitters, map: &PolarMap, x: usize, y: usiz
         add(emitters.ground((at / f64::from(ats)).as_vec3()), ats);
     }
     pixel
-}
-
-/// Radiance of the map in a direction; beyond its rim that of its last row, dimmed, so that a hemisphere has
-/// something to stand against.
-fn radiance_towards(map: &PolarMap, direction: DVec3) -> [f32; 3] {
-    let (theta, phi) = polar(direction);
-    let shape = map.shape;
-    let row = (theta / shape.theta_max_rad * shape.rows as f64) as usize;
-    let column = ((phi / TAU * shape.columns as f64) as usize).min(shape.columns - 1);
-    let radiance = map.pixels[row.min(shape.rows - 1) * shape.columns + column];
-    if row < shape.rows { radiance } else { radiance.map(|value| 0.3 * value) }
 }
 
 #[cfg(test)]
