@@ -39,7 +39,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
-    /// Draw the maps whose sequence number is a multiple of N.
+    /// Draw the first map in every N sequence numbers.
     #[arg(long, value_name = "N", default_value_t = 25, requires = "pictures",
           value_parser = clap::value_parser!(u64).range(1..))]
     picture_every: u64,

@@ -38,12 +38,13 @@ pub struct Output {
     pub name: String,
 }
 
-/// Pictures of some maps with their lights.
+/// Pictures of some maps with their lights. Drawing is slow; in a replay it holds up `light` and `publish`, whose times
+/// then show it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pictures {
     /// Where they go; made if it does not exist.
     pub folder: PathBuf,
-    /// Maps whose sequence number is a multiple of this are drawn; at least 1.
+    /// The first map in every so many sequence numbers is drawn; at least 1.
     pub every: u64,
 }
 
