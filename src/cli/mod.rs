@@ -4,6 +4,7 @@ mod lights;
 mod messages;
 mod run;
 mod signals;
+mod synthesize;
 
 use crate::error::{Error, Kind};
 use clap::{Parser, Subcommand};
@@ -28,6 +29,7 @@ struct Arguments {
 enum Command {
     Run(run::Arguments),
     Lights(lights::Arguments),
+    Synthesize(synthesize::Arguments),
 }
 
 /// Runs the program; the exit code is 0 for done, 1 for failed, 2 for wrong usage or configuration.
@@ -37,6 +39,7 @@ pub fn main() -> ExitCode {
     let outcome = match &command {
         Command::Run(arguments) => run::run(arguments),
         Command::Lights(arguments) => lights::run(arguments),
+        Command::Synthesize(arguments) => synthesize::run(arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
