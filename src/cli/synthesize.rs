@@ -1,3 +1,4 @@
+use super::messages::PROGRESS;
 use crate::camera::LOOKING_UP;
 use crate::error::{Error, Result};
 use crate::image::{Frame, Pixels, write_exr, write_png16};
@@ -9,7 +10,8 @@ use std::path::{Path, PathBuf};
 ///
 /// A script (TOML) names a scene (sky with sun and clouds, room with lamps, or an HDR panorama), what moves in it,
 /// and what takes it: a lat-long picture, or a fisheye lens with a response. Frames of radiance become OpenEXR
-/// files, raw sensor codes 16-bit PNG files. Beside fisheye frames stands calibration.json with lens and response. The same script gives the same bytes. replay/*.toml are scripts that explain their keys.
+/// files, raw sensor codes 16-bit PNG files. Beside fisheye frames stands calibration.json with lens and response.
+/// The same script gives the same bytes. replay/*.toml are scripts that explain their keys.
 ///
 /// Panoramas that a script names as data:PATH are looked for in the folder that LIGHTCAST_DATA names.
 ///
@@ -38,7 +40,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         .map_err(|error| Error::failed(format!("{}: cannot be made", folder.display())).because(error))?;
     let frames = arguments.frames.map_or(script.frames, |frames| frames as usize);
 
-    let bar = ProgressBar::new(frames as u64).with_style(
+    let bar = PROGRESS.add(ProgressBar::new(frames as u64)).with_style(
         ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left")
             .unwrap_or_else(|_| ProgressStyle::default_bar()),
     );
@@ -68,8 +70,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     );
     if let Some(calibration) = script.calibration() {
         let path = folder.join("calibration.json");
-        std::fs::write(&path, calibration.to_json())
-            .map_err(|error| Error::failed(format!("{}: cannot be written", path.display())).because(error))?;
+        std::fs::write(&path, calibration.to_json()).map_err(|error| {
+            Error::failed(format!("{}: cannot be written", path.display())).because(error)
+        })?;
         tracing::info!("{}: lens and response", path.display());
         if script.world_from_camera() != LOOKING_UP {
             let rows = script.world_from_camera().transpose().to_cols_array_2d();
