@@ -61,8 +61,9 @@ fn power_is_kept_on_every_real_map() {
 
 #[test]
 fn errors_reach_the_published_table() {
-    /// Rows of METHODS section 6: shadow, irradiance, glossy at 64 and 256 lights; by how much ours may be above.
-    const TABLE: [(&str, Sampler, Inversion, [[f64; 2]; 3], f64); 3] = [
+    /// A row of METHODS section 6: shadow, irradiance, glossy at 64 and 256 lights; by how much ours may be above.
+    type Row = (&'static str, Sampler, Inversion, [[f64; 2]; 3], f64);
+    const TABLE: [Row; 3] = [
         (
             "standard, equal power",
             Sampler::EqualPower,
