@@ -1,8 +1,63 @@
 //! The command line: one file per subcommand.
 
+mod lights;
+mod messages;
+mod run;
+mod signals;
+
+use crate::error::{Error, Kind};
+use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+
+/// Live light capture: turns HDR pictures of the surroundings into short lists of directional lights.
+///
+/// Results (JSON) go to standard output, messages to standard error. Exit codes: 0 done, 1 failed, 2 wrong usage
+/// or configuration; 128 + n when a second signal n ended a run at once.
+#[derive(Debug, Parser)]
+#[command(name = "lightcast", version, propagate_version = true, max_term_width = 110)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+
+    /// Say more: -v what is being done, -vv how.
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(run::Arguments),
+    Lights(lights::Arguments),
+}
 
 /// Runs the program; the exit code is 0 for done, 1 for failed, 2 for wrong usage or configuration.
 pub fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    let Arguments { command, verbose } = Arguments::parse();
+    messages::start(verbose);
+    let outcome = match &command {
+        Command::Run(arguments) => run::run(arguments),
+        Command::Lights(arguments) => lights::run(arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            tracing::error!("{error}");
+            exit_code(&error)
+        }
+    }
+}
+
+fn exit_code(error: &Error) -> ExitCode {
+    ExitCode::from(if error.kind() == Kind::Usage { 2 } else { 1 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_definition_of_the_command_line_is_sound() {
+        Arguments::command().debug_assert();
+    }
 }

@@ -1,1 +1,98 @@
-//! What the configuration files say, checked once.
+//! What a configuration file says, checked once into the options of the rooms below.
+//!
+//! The file is TOML; `config/replay.toml` has every key with a comment. Unknown keys are refused, a fault is told
+//! with file, line and key, and paths in the file are relative to its folder.
+
+mod fault;
+mod file;
+
+use crate::error::{Error, Result};
+use crate::image::PolarShape;
+use crate::light;
+use crate::source::SequenceOptions;
+use crate::temporal::FilterOptions;
+use glam::DMat3;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// A whole configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// Where the frames come from.
+    pub source: SequenceOptions,
+    /// How fast they come.
+    pub pace: Pace,
+    /// What happens when a stage is slower than they come.
+    pub links: Links,
+    /// What the frames show.
+    pub camera: CameraOptions,
+    /// Size and extent of the polar map.
+    pub map: PolarShape,
+    /// How lights are made.
+    pub lights: light::Options,
+    /// How they are filtered.
+    pub filter: FilterOptions,
+    origin: fault::Origin,
+}
+
+/// How fast a sequence is played.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pace {
+    /// At its own frame rate.
+    #[default]
+    RealTime,
+    /// As fast as it goes.
+    Fast,
+}
+
+/// What a link between two stages does when its reader is slow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Links {
+    /// The newest frame wins; drops are counted.
+    Live,
+    /// The writer waits; nothing is lost, and every run gives the same bytes.
+    #[default]
+    Replay,
+}
+
+/// What the frames of a source show.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CameraOptions {
+    /// Kind of picture.
+    pub projection: ProjectionKind,
+    /// Calibration file; a fisheye picture needs one.
+    pub calibration: Option<PathBuf>,
+    /// Rotation from camera to world axes; `None`: the projection's own default.
+    pub world_from_camera: Option<DMat3>,
+}
+
+/// Kind of picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ProjectionKind {
+    /// A panorama of the whole sphere.
+    #[default]
+    LatLong,
+    /// A picture through a lens that a calibration file describes.
+    Fisheye,
+}
+
+impl Config {
+    /// Reads and checks a configuration file.
+    ///
+    /// # Errors
+    /// Kind `Usage`, naming file, line and key.
+    pub fn load(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            Error::usage("the configuration cannot be read").because(error).at(path.display())
+        })?;
+        file::parse(text, path)
+    }
+
+    /// Puts file and line in front of an error about an option of `section` that only its algorithm could find.
+    pub fn locate(&self, section: &str, error: Error) -> Error {
+        self.origin.locate(section, error)
+    }
+}

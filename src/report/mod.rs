@@ -3,3 +3,4 @@
 pub mod sequence;
 mod sequence_maps;
 pub mod sequence_table;
+pub mod stills;

@@ -1,1 +1,153 @@
-//! The graph of stages and its supervisor.
+//! The graph of stages and its supervisor: threads from a configuration, their end, and what they have done.
+//!
+//! ```text
+//! source ──Frame──▶ calibrate ──PolarMap──▶ light ──LightList──▶ filter ──LightList──▶ publish
+//!                                             └──PolarMap──▶ picture ◀──LightList────────┘
+//! ```
+
+mod camera;
+mod graph;
+mod summary;
+
+pub use summary::Summary;
+
+use crate::config::{Config, Links, Pace};
+use crate::error::{Error, Result};
+use crate::image::{Frame, PolarMap};
+use crate::light::{Extractor, LightList};
+use crate::rt::link::{self, Item};
+use crate::rt::stage::{Nowhere, Ticks};
+use crate::rt::{Clock, Metrics, Shutdown};
+use crate::source::Sequence;
+use crate::stage;
+use crate::temporal::{LightFilter, design};
+use graph::Graph;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Items that a `bounded` link holds: one to take while the next is made evens out the jitter of two stages, and
+/// another that of the disk. More would only cost memory, the slowest stage sets the pace.
+const LINK_CAPACITY: usize = 2;
+
+/// Where the light lists go.
+pub struct Output {
+    /// Takes JSON lines.
+    pub writer: Box<dyn Write + Send>,
+    /// What messages call it: a path, or "standard output".
+    pub name: String,
+}
+
+/// Pictures of some maps with their lights.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pictures {
+    /// Where they go; made if it does not exist.
+    pub folder: PathBuf,
+    /// Maps whose sequence number is a multiple of this are drawn; at least 1.
+    pub every: u64,
+}
+
+/// A running service.
+pub struct Service {
+    graph: Graph,
+    frame_count: Option<u64>,
+}
+
+impl Service {
+    /// Opens everything that `config` names, then starts the threads. They end when the sequence does, on the
+    /// first error, and when `shutdown` is requested.
+    ///
+    /// # Errors
+    /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can be
+    /// read; those of the system for threads and folders.
+    pub fn start(
+        config: &Config,
+        output: Output,
+        pictures: Option<&Pictures>,
+        shutdown: &Shutdown,
+    ) -> Result<Self> {
+        let sequence = Sequence::open(&config.source)?;
+        let format = sequence.format();
+        let frame_count = (!config.source.repeat).then_some(sequence.file_count() as u64);
+        let (frame_to_polar, response) = camera::frame_to_polar(config, &format)?;
+        let extractor =
+            Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
+        let filter = LightFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
+
+        let clock = match config.pace {
+            Pace::RealTime => Clock::real(),
+            Pace::Fast => Clock::simulated(),
+        };
+        let [source_metrics, calibrate_metrics, light_metrics, filter_metrics, publish_metrics] =
+            ["source", "calibrate", "light", "filter", "publish"].map(Metrics::new);
+        let mut graph = Graph::new(clock.clone(), shutdown);
+        let black = || PolarMap::black(config.map);
+
+        let (map_tap, list_tap) = match pictures {
+            None => (None, None),
+            Some(pictures) => {
+                std::fs::create_dir_all(&pictures.folder).map_err(|error| {
+                    Error::failed("the folder for pictures cannot be made")
+                        .because(error)
+                        .at(pictures.folder.display())
+                })?;
+                // A map waits for its list until the filter lets it out; fewer places would stop the light stage,
+                // and with it the list that the map waits for.
+                let delay_frames = design(format.frame_rate_hz, &config.filter)?.delay_frames();
+                let waiting = u64::from(delay_frames) / pictures.every.max(1) + 1;
+                let (maps_in, maps_out) = link::bounded(LINK_CAPACITY + waiting as usize, shutdown, black);
+                let (lists_in, lists_out) = link::bounded(LINK_CAPACITY, shutdown, LightList::default);
+                let picture = stage::Picture::new(lists_out, pictures.folder.clone());
+                graph.spawn(Metrics::new("picture"), picture, maps_out, Nowhere)?;
+                (
+                    Some(stage::MapTap::new(maps_in, pictures.every)),
+                    Some(stage::ListTap::new(lists_in, pictures.every)),
+                )
+            }
+        };
+
+        let (frames_in, frames_out) = connect(config.links, shutdown, Frame::default);
+        let (maps_in, maps_out) = connect(config.links, shutdown, black);
+        let (lists_in, lists_out) = connect(config.links, shutdown, LightList::default);
+        let (filtered_in, filtered_out) = connect(config.links, shutdown, LightList::default);
+
+        let publish = stage::Publish::new(output.writer, output.name, list_tap);
+        graph.spawn(publish_metrics, publish, filtered_out, Nowhere)?;
+        graph.spawn(filter_metrics, stage::Filter(filter), lists_out, filtered_in)?;
+        graph.spawn(light_metrics, stage::Light::new(extractor, map_tap), maps_out, lists_in)?;
+        let calibrate = stage::Calibrate::new(frame_to_polar, response, &calibrate_metrics);
+        graph.spawn(calibrate_metrics, calibrate, frames_out, maps_in)?;
+        let source = stage::Source::new(sequence, &clock);
+        graph.spawn(source_metrics, source, Ticks(shutdown.clone()), frames_in)?;
+        Ok(Self { graph, frame_count })
+    }
+
+    /// Frames that the sequence has, readable or not; `None` when it repeats.
+    pub fn frame_count(&self) -> Option<u64> {
+        self.frame_count
+    }
+
+    /// What the stages have done so far; it goes on counting while they run.
+    pub fn summary(&self) -> Summary {
+        self.graph.summary()
+    }
+
+    /// Waits for the end and calls `watch` about every `interval` meanwhile.
+    ///
+    /// # Errors
+    /// The first error in time of any stage.
+    pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
+        self.graph.join(interval, watch)
+    }
+}
+
+fn connect<T: Item>(
+    links: Links,
+    shutdown: &Shutdown,
+    make: impl FnMut() -> T,
+) -> (link::Sender<T>, link::Receiver<T>) {
+    match links {
+        Links::Live => link::latest(shutdown, make),
+        Links::Replay => link::bounded(LINK_CAPACITY, shutdown, make),
+    }
+}

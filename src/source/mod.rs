@@ -1,9 +1,10 @@
-//! Where frames come from: recorded sequences of files ([`Sequence`]).
+//! Where frames come from: recorded sequences of files ([`Sequence`]) and calculated ones ([`synthetic`]).
 //!
 //! A source delivers as fast as it is asked; a stage with a clock asks at the right time.
 
 mod pattern;
 mod sequence;
+pub mod synthetic;
 
 pub use sequence::{FrameFormat, Sequence, SequenceOptions};
 

@@ -1,1 +1,49 @@
-//! One thin file per stage.
+//! One thin file per stage: each runs one algorithm of the floors below under [`rt::stage::run`](crate::rt::stage).
+
+mod calibrate;
+mod filter;
+mod light;
+mod picture;
+mod publish;
+mod source;
+
+pub use calibrate::Calibrate;
+pub use filter::Filter;
+pub use light::{Light, MapTap};
+pub use picture::Picture;
+pub use publish::{ListTap, Publish};
+pub use source::Source;
+
+use crate::image::{Frame, PolarMap};
+use crate::light::LightList;
+use crate::rt::link::Item;
+
+impl Item for Frame {
+    fn lost_before(&self) -> u64 {
+        self.stamp.lost_before
+    }
+
+    fn lose(&mut self, count: u64) {
+        self.stamp.lost_before += count;
+    }
+}
+
+impl Item for PolarMap {
+    fn lost_before(&self) -> u64 {
+        self.stamp.lost_before
+    }
+
+    fn lose(&mut self, count: u64) {
+        self.stamp.lost_before += count;
+    }
+}
+
+impl Item for LightList {
+    fn lost_before(&self) -> u64 {
+        self.stamp.lost_before
+    }
+
+    fn lose(&mut self, count: u64) {
+        self.stamp.lost_before += count;
+    }
+}

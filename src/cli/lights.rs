@@ -1,0 +1,140 @@
+use crate::camera::{FrameToPolar, PixelCounts, Projection, Response};
+use crate::error::{Error, Kind, Result};
+use crate::image::{self, Frame, PolarMap, PolarShape};
+use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
+use clap::ValueEnum;
+use glam::DMat3;
+use std::io::{self, ErrorKind};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Print the lights of one panorama.
+///
+/// MAP is a lat-long panorama of the whole sphere, +Y up: OpenEXR or Radiance HDR. The result is one light list, a
+/// line of JSON on standard output, made by the same code that `run` uses for every frame.
+///
+/// Example: lightcast lights garden.hdr --count 64 --hemisphere | jq .power
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// The panorama.
+    map: PathBuf,
+
+    /// Number of lights; samples are spread best at 2^k 3^m.
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    count: usize,
+
+    /// How the map becomes lights.
+    #[arg(long, value_enum, default_value_t = SamplerName::Refined)]
+    sampler: SamplerName,
+
+    /// Which inverse transform places the samples.
+    #[arg(long, value_enum, default_value_t = InversionName::Bicontinuous)]
+    inversion: InversionName,
+
+    /// Take the upper half only.
+    #[arg(long)]
+    hemisphere: bool,
+
+    /// Size of the polar map that the panorama is averaged to: azimuth steps x polar-angle steps
+    /// [default: 360x180, with --hemisphere 360x90].
+    #[arg(long, value_name = "COLUMNSxROWS")]
+    resolution: Option<Resolution>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum SamplerName {
+    /// Cells about samples of luminance^0.75, each with its flux, mean direction and spread.
+    Refined,
+    /// Lights of equal luminous power at the samples (Havran et al. 2005).
+    EqualPower,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum InversionName {
+    /// Continuous in both directions, over the concentric map (Havran et al. 2003).
+    Bicontinuous,
+    /// Row, then column within the row.
+    Standard,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Resolution {
+    columns: usize,
+    rows: usize,
+}
+
+impl FromStr for Resolution {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let sides = text.split_once('x').and_then(|(columns, rows)| {
+            Some(Self { columns: columns.parse().ok()?, rows: rows.parse().ok()? })
+        });
+        // The limit that configurations have; a slip of the finger shall not ask for all memory.
+        let is_sound =
+            |sides: &Self| (1..=16_384).contains(&sides.columns) && (1..=16_384).contains(&sides.rows);
+        sides.filter(is_sound).ok_or("write COLUMNSxROWS, such as 360x90, each 1 to 16384".to_owned())
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<()> {
+    let map = read_panorama(arguments)?;
+    let options = Options {
+        count: arguments.count,
+        sampler: match arguments.sampler {
+            SamplerName::Refined => Sampler::Refined,
+            SamplerName::EqualPower => Sampler::EqualPower,
+        },
+        inversion: match arguments.inversion {
+            InversionName::Bicontinuous => Inversion::Bicontinuous,
+            InversionName::Standard => Inversion::Standard,
+        },
+        ..Options::default()
+    };
+    let mut list = LightList::default();
+    Extractor::new(map.shape, &options)?.step(&map, &mut list);
+    match list.write_json_line(io::stdout().lock()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Error::failed("standard output cannot be written").because(error))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn read_panorama(arguments: &Arguments) -> Result<PolarMap> {
+    let path = arguments.map.display();
+    let mut frame = Frame::default();
+    let attributes =
+        image::read(&arguments.map, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
+    let shape = match (arguments.resolution, arguments.hemisphere) {
+        (None, false) => PolarShape::sphere(360, 180),
+        (None, true) => PolarShape::hemisphere(360, 90),
+        (Some(Resolution { columns, rows }), false) => PolarShape::sphere(columns, rows),
+        (Some(Resolution { columns, rows }), true) => PolarShape::hemisphere(columns, rows),
+    };
+    let projection =
+        Projection::LatLong { width: frame.width, height: frame.height, centres: attributes.latlong_centres };
+    let mut map = PolarMap::black(shape);
+    let counts = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?
+        .apply(&frame, &Response::default(), &mut map)
+        .map_err(|error| error.with_kind(Kind::Failed).at(&path))?;
+    let PixelCounts { nan, infinite, negative, .. } = counts;
+    if nan + infinite + negative > 0 {
+        tracing::warn!("{path}: taken as black: {nan} pixels NaN, {infinite} infinite, {negative} negative");
+    }
+    Ok(map)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resolutions_are_two_numbers() {
+        assert_eq!("360x90".parse(), Ok(Resolution { columns: 360, rows: 90 }));
+        for text in ["360", "360x", "x90", "360x0", "-3x4", "99999x90", "360 x 90", "360x90x3"] {
+            assert!(text.parse::<Resolution>().is_err(), "{text}");
+        }
+    }
+}

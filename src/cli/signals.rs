@@ -1,0 +1,48 @@
+//! Ctrl-C and `kill`: the first asks for an orderly end, the second ends the process at once.
+
+use crate::error::{Error, Result};
+use crate::rt::Shutdown;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::{Handle, Signals};
+use std::thread::{Builder, JoinHandle};
+
+/// Hands SIGINT and SIGTERM to a [`Shutdown`] until it is dropped.
+///
+/// The second signal exits with 128 plus its number, as a shell reports a process that a signal ended. A line that
+/// is being written then may be cut.
+pub(super) struct SignalWatch {
+    handle: Handle,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl SignalWatch {
+    pub fn start(shutdown: &Shutdown) -> Result<Self> {
+        let failed = |error: std::io::Error| Error::failed("cannot watch for signals").because(error);
+        let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(failed)?;
+        let handle = signals.handle();
+        let shutdown = shutdown.clone();
+        let watch = move || {
+            let mut is_first = true;
+            for signal in signals.forever() {
+                if !is_first {
+                    signal_hook::low_level::exit(128 + signal);
+                }
+                is_first = false;
+                tracing::info!("stopping after the frames under way; a second signal stops at once");
+                shutdown.request();
+            }
+        };
+        let thread = Builder::new().name("signals".to_owned()).spawn(watch).map_err(failed)?;
+        Ok(Self { handle, thread: Some(thread) })
+    }
+}
+
+impl Drop for SignalWatch {
+    fn drop(&mut self) {
+        self.handle.close();
+        if let Some(thread) = self.thread.take() {
+            // It has no way to panic, and at the end of the program nothing is left to do about it.
+            let _ = thread.join();
+        }
+    }
+}

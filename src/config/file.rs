@@ -1,0 +1,256 @@
+//! The keys of a configuration file as they are written, and their way into [`Config`].
+
+use super::fault::{self, Origin};
+use super::{CameraOptions, Config, Links, Pace, ProjectionKind};
+use crate::error::{Error, Result};
+use crate::image::PolarShape;
+use crate::light;
+use crate::source::SequenceOptions;
+use crate::temporal::FilterOptions;
+use glam::{DMat3, DVec3};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
+use std::path::{Path, PathBuf};
+
+/// Largest side of a polar map. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses slips of the
+/// finger before they ask for all memory.
+const MAX_MAP_SIDE: usize = 16_384;
+
+/// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and the turn that this
+/// leaves open is far below a pixel.
+const ROTATION_TOLERANCE: f64 = 1e-5;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    source: SourceKeys,
+    #[serde(default)]
+    camera: CameraKeys,
+    #[serde(default)]
+    map: MapKeys,
+    #[serde(default)]
+    lights: light::Options,
+    #[serde(default)]
+    filter: FilterOptions,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum SourceKind {
+    Sequence,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SourceKeys {
+    /// There is one kind so far; it is written down so that a file keeps its meaning when there are more.
+    #[serde(rename = "kind")]
+    _kind: SourceKind,
+    path: PathBuf,
+    #[serde(default, deserialize_with = "frame_rate")]
+    frame_rate_hz: Option<f64>,
+    first: Option<u64>,
+    last: Option<u64>,
+    #[serde(default)]
+    repeat: bool,
+    #[serde(default)]
+    pace: Pace,
+    #[serde(default)]
+    links: Links,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraKeys {
+    #[serde(default)]
+    projection: ProjectionKind,
+    calibration: Option<PathBuf>,
+    #[serde(default, deserialize_with = "rotation")]
+    world_from_camera: Option<DMat3>,
+}
+
+#[derive(Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct MapKeys {
+    #[serde(deserialize_with = "map_side")]
+    columns: usize,
+    #[serde(deserialize_with = "map_side")]
+    rows: usize,
+    #[serde(deserialize_with = "polar_angle")]
+    theta_max_deg: f64,
+}
+
+impl Default for MapKeys {
+    /// The paper's polar map: a hemisphere by degrees.
+    fn default() -> Self {
+        Self { columns: 360, rows: 90, theta_max_deg: 90.0 }
+    }
+}
+
+/// Checks the text of a configuration file; paths in it are relative to the folder of `path`.
+pub(super) fn parse(text: String, path: &Path) -> Result<Config> {
+    let File { source, camera, map, lights, filter } =
+        toml::from_str(&text).map_err(|error| fault::of_toml(&error, &text).at(path.display()))?;
+    let origin = Origin { path: path.to_owned(), text };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if let (Some(first), Some(last)) = (source.first, source.last)
+        && first > last
+    {
+        let error = Error::usage(format!("last = {last}: must not be before first = {first}"));
+        return Err(origin.locate("source", error));
+    }
+    let camera = CameraOptions {
+        projection: camera.projection,
+        calibration: camera.calibration.map(|file| folder.join(file)),
+        world_from_camera: camera.world_from_camera,
+    };
+    camera.check().map_err(|error| origin.locate("camera", error))?;
+    Ok(Config {
+        source: SequenceOptions {
+            path: folder.join(source.path),
+            frame_rate_hz: source.frame_rate_hz,
+            first: source.first,
+            last: source.last,
+            repeat: source.repeat,
+        },
+        pace: source.pace,
+        links: source.links,
+        camera,
+        map: PolarShape {
+            columns: map.columns,
+            rows: map.rows,
+            theta_max_rad: map.theta_max_deg.to_radians(),
+        },
+        lights,
+        filter,
+        origin,
+    })
+}
+
+impl CameraOptions {
+    /// Whether the keys fit together.
+    fn check(&self) -> Result<()> {
+        match (self.projection, &self.calibration) {
+            (ProjectionKind::Fisheye, None) => Err(Error::usage(
+                "projection = \"fisheye\": needs the lens in a calibration file; name it with the key `calibration`",
+            )),
+            (ProjectionKind::LatLong, Some(_)) => Err(Error::usage(
+                "calibration = ...: a lat-long panorama has no lens; remove this key or say projection = \"fisheye\"",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn frame_rate<'de, D: Deserializer<'de>>(value: D) -> Result<Option<f64>, D::Error> {
+    let rate_hz = f64::deserialize(value)?;
+    // 1e9 Hz would be one frame a nanosecond, the unit of capture times.
+    if !(rate_hz > 0.0 && rate_hz < 1e9) {
+        return Err(D::Error::custom(format!("a frame rate is above 0 and below 1e9 Hz, not {rate_hz}")));
+    }
+    Ok(Some(rate_hz))
+}
+
+fn map_side<'de, D: Deserializer<'de>>(value: D) -> Result<usize, D::Error> {
+    let side = usize::deserialize(value)?;
+    if !(1..=MAX_MAP_SIDE).contains(&side) {
+        return Err(D::Error::custom(format!(
+            "a side of the map has 1 to {MAX_MAP_SIDE} pixels, not {side}"
+        )));
+    }
+    Ok(side)
+}
+
+fn polar_angle<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
+    let angle_deg = f64::deserialize(value)?;
+    if !(angle_deg > 0.0 && angle_deg <= 180.0) {
+        return Err(D::Error::custom(format!(
+            "the lower rim is above 0 and at most 180 degrees, not {angle_deg}"
+        )));
+    }
+    Ok(angle_deg)
+}
+
+fn rotation<'de, D: Deserializer<'de>>(value: D) -> Result<Option<DMat3>, D::Error> {
+    let rows = <[[f64; 3]; 3]>::deserialize(value)?;
+    let [x, y, z] = rows.map(DVec3::from);
+    let off = [
+        x.length() - 1.0,
+        y.length() - 1.0,
+        z.length() - 1.0,
+        x.dot(y),
+        y.dot(z),
+        z.dot(x),
+        x.cross(y).dot(z) - 1.0,
+    ];
+    // A NaN is not within the tolerance either.
+    if !off.iter().all(|off| off.abs() <= ROTATION_TOLERANCE) {
+        return Err(D::Error::custom(
+            "is no rotation: the three rows must be unit vectors at right angles, right-handed (determinant +1)",
+        ));
+    }
+    Ok(Some(DMat3::from_cols(x, y, z).transpose()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOURCE: &str = "[source]\nkind = \"sequence\"\npath = \"sky/\"\n";
+
+    fn parse_with(rest: &str) -> Result<Config> {
+        parse(format!("{SOURCE}{rest}"), Path::new("conf/a.toml"))
+    }
+
+    #[test]
+    fn a_source_suffices_and_paths_are_relative_to_the_file() {
+        let config = parse_with("").unwrap();
+        assert_eq!(config.source.path, Path::new("conf/sky/"));
+        assert_eq!((config.pace, config.links), (Pace::RealTime, Links::Replay));
+        assert_eq!(config.map, PolarShape::hemisphere(360, 90));
+        assert_eq!((config.lights, config.filter), (light::Options::default(), FilterOptions::default()));
+        assert_eq!(config.camera, CameraOptions::default());
+        let absolute =
+            parse_with("[camera]\nprojection = \"fisheye\"\ncalibration = \"/lens.json\"").unwrap();
+        assert_eq!(absolute.camera.calibration.as_deref(), Some(Path::new("/lens.json")));
+    }
+
+    #[test]
+    fn a_rotation_is_written_in_rows() {
+        let config = parse_with("[camera]\nworld_from_camera = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]").unwrap();
+        let world_from_camera = config.camera.world_from_camera.unwrap();
+        assert_eq!(world_from_camera * DVec3::Z, DVec3::Y, "the optical axis looks up");
+    }
+
+    #[test]
+    fn faults_are_told_with_file_line_and_key() {
+        for (rest, expected) in [
+            ("colour = 1", "conf/a.toml: line 4 (`colour = 1`): unknown field `colour`"),
+            ("[lihgts]", "conf/a.toml: line 4 (`[lihgts]`): unknown field `lihgts`"),
+            ("[map]\n\nrows = 0", "line 6 (`rows = 0`): a side of the map has 1 to 16384 pixels, not 0"),
+            ("[map]\ncolumns = -4", "line 5 (`columns = -4`): invalid value: integer `-4`"),
+            ("[map]\ntheta_max_deg = nan", "line 5 (`theta_max_deg = nan`): the lower rim"),
+            ("frame_rate_hz = 0.0", "line 4 (`frame_rate_hz = 0.0`): a frame rate is above 0"),
+            (
+                "pace = \"slow\"",
+                "line 4 (`pace = \"slow\"`): unknown variant `slow`, expected `real-time` or `fast`",
+            ),
+            ("repeat = maybe", "line 4 (`repeat = maybe`): "),
+            ("first = 9\nlast = 8", "line 5: last = 8: must not be before first = 9"),
+            ("[camera]\nprojection = \"fisheye\"", "line 5: projection = \"fisheye\": needs the lens"),
+            (
+                "[camera]\ncalibration = \"a.json\"",
+                "line 5: calibration = ...: a lat-long panorama has no lens",
+            ),
+            ("[camera]\nworld_from_camera = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "is no rotation"),
+            ("[camera]\nworld_from_camera = [[1, 0, 0], [0, nan, 0], [0, 0, 1]]", "is no rotation"),
+            ("[filter]\norder = 8", "line 5 (`order = 8`): unknown field `order`"),
+        ] {
+            let error = parse_with(rest).unwrap_err();
+            assert_eq!(error.kind(), crate::error::Kind::Usage);
+            assert!(error.to_string().contains(expected), "{rest}\n  gave {error}\n  not {expected}");
+        }
+        let error = parse("[map]\nrows = 9".to_owned(), Path::new("a.toml")).unwrap_err();
+        assert!(error.to_string().contains("missing field `source`"), "{error}");
+    }
+}

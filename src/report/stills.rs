@@ -1,0 +1,235 @@
+//! Error and time of the lights of single maps: the table of METHODS section 6.
+
+use crate::error::Result;
+use crate::image::{PolarMap, PolarShape, luminance};
+use crate::light::measure::{Errors, Reference};
+use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
+use std::time::{Duration, Instant};
+
+/// Size of the maps that the published figures are given for.
+pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
+/// Numbers of lights in the table.
+pub const COUNTS: [usize; 2] = [64, 256];
+/// Extractions of which the median time is reported.
+const RUNS: usize = 9;
+
+/// A way from a map to lights, with its row of METHODS section 6.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Method {
+    /// How it is called in the table.
+    pub name: &'static str,
+    sampler: Sampler,
+    inversion: Inversion,
+    /// Geometric means over the thirteen maps, at [`COUNTS`] lights, from a float64 reference model.
+    pub published: [Errors; 2],
+    /// How far above the published figure a mean may lie.
+    pub limit: f64,
+}
+
+const fn errors(shadow: f64, irradiance: f64, glossy: f64) -> Errors {
+    Errors { irradiance, shadow, glossy }
+}
+
+/// The methods of the table.
+pub const METHODS: [Method; 3] = [
+    Method {
+        name: "standard",
+        sampler: Sampler::EqualPower,
+        inversion: Inversion::Standard,
+        published: [errors(0.0324, 0.0410, 0.216), errors(0.0110, 0.0159, 0.081)],
+        limit: 1.25,
+    },
+    Method {
+        name: "bicontinuous",
+        sampler: Sampler::EqualPower,
+        inversion: Inversion::Bicontinuous,
+        published: [errors(0.0213, 0.0606, 0.280), errors(0.0062, 0.0173, 0.088)],
+        limit: 1.25,
+    },
+    Method {
+        name: "refined",
+        sampler: Sampler::Refined,
+        inversion: Inversion::Bicontinuous,
+        published: [errors(0.0060, 0.0031, 0.0311), errors(0.0014, 0.00066, 0.0051)],
+        limit: 1.15,
+    },
+];
+
+/// One map, one method, one number of lights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// How the lights were found.
+    pub method: Method,
+    /// How many.
+    pub count: usize,
+    /// Against the slow measures.
+    pub errors: Errors,
+    /// The estimate that the list carries.
+    pub estimate: f32,
+    /// Relative difference of the lights' luminous power from the map's.
+    pub power_difference: f64,
+    /// Median time of one extraction, its error estimate included.
+    pub time: Duration,
+}
+
+/// Measures all methods on one map.
+///
+/// # Errors
+/// Those of [`Extractor::new`].
+pub fn measure(map: &PolarMap) -> Result<Vec<Row>> {
+    let reference = Reference::new(map);
+    let power = luminance_f64(map.power());
+    let mut rows = Vec::new();
+    for method in METHODS {
+        for count in COUNTS {
+            let Method { sampler, inversion, .. } = method;
+            let options = Options { count, sampler, inversion, ..Options::default() };
+            let mut extractor = Extractor::new(map.shape, &options)?;
+            let mut list = LightList::default();
+            let mut times: Vec<Duration> = (0..RUNS)
+                .map(|_| {
+                    let start = Instant::now();
+                    extractor.step(map, &mut list);
+                    start.elapsed()
+                })
+                .collect();
+            times.sort();
+            let power_difference =
+                if power > 0.0 { luminance_f64(list.sum_of_lights()) / power - 1.0 } else { 0.0 };
+            rows.push(Row {
+                method,
+                count,
+                errors: reference.errors(&list.lights),
+                estimate: list.error,
+                power_difference,
+                time: times[RUNS / 2],
+            });
+        }
+    }
+    Ok(rows)
+}
+
+fn luminance_f64(rgb: [f64; 3]) -> f64 {
+    // The weights sum to 1, so the f32 function serves for ratios of powers.
+    let largest = rgb.into_iter().fold(0.0, f64::max);
+    if largest > 0.0 { largest * f64::from(luminance(rgb.map(|v| (v / largest) as f32))) } else { 0.0 }
+}
+
+/// Geometric means of the errors of rows with the same method and number of lights, in the order of [`METHODS`] and
+/// [`COUNTS`]. An error of zero makes its mean zero.
+pub fn means(rows: &[Row]) -> Vec<(Method, usize, Errors)> {
+    let mut means = Vec::new();
+    for method in METHODS {
+        for count in COUNTS {
+            let of: Vec<Errors> = rows
+                .iter()
+                .filter(|row| row.method.name == method.name && row.count == count)
+                .map(|row| row.errors)
+                .collect();
+            let mean = |pick: fn(&Errors) -> f64| {
+                (of.iter().map(|errors| pick(errors).ln()).sum::<f64>() / of.len() as f64).exp()
+            };
+            if !of.is_empty() {
+                let errors = Errors {
+                    irradiance: mean(|e| e.irradiance),
+                    shadow: mean(|e| e.shadow),
+                    glossy: mean(|e| e.glossy),
+                };
+                means.push((method, count, errors));
+            }
+        }
+    }
+    means
+}
+
+/// Lines for the rows of one map, header first.
+pub fn lines(name: &str, rows: &[Row]) -> Vec<String> {
+    let mut lines = vec![format!(
+        "{name:<28} {:>6} {:>10} {:>10} {:>10} {:>10} {:>9} {:>9}",
+        "lights", "irradiance", "shadow", "glossy", "estimate", "power", "ms"
+    )];
+    lines.extend(rows.iter().map(|row| {
+        format!(
+            "  {:<26} {:>6} {:>10.5} {:>10.5} {:>10.5} {:>10.5} {:>9.0e} {:>9.3}",
+            row.method.name,
+            row.count,
+            row.errors.irradiance,
+            row.errors.shadow,
+            row.errors.glossy,
+            row.estimate,
+            row.power_difference.abs(),
+            row.time.as_secs_f64() * 1e3
+        )
+    }));
+    lines
+}
+
+/// Lines for the geometric means over maps, header first, the published figures in brackets where the maps are the
+/// thirteen that those are for.
+pub fn mean_lines(rows: &[Row], map_count: usize) -> Vec<String> {
+    let title = format!("geometric means over {map_count} maps");
+    let mut lines =
+        vec![format!("{title:<28} {:>6} {:>19} {:>19} {:>19}", "lights", "irradiance", "shadow", "glossy")];
+    for (method, count, errors) in means(rows) {
+        let published = method.published[COUNTS.iter().position(|&c| c == count).unwrap_or(0)];
+        let cell = |value: f64, published: f64| {
+            if map_count == 13 { format!("{value:.5} ({published:.5})") } else { format!("{value:.5}") }
+        };
+        let worst = (errors.irradiance / published.irradiance)
+            .max(errors.shadow / published.shadow)
+            .max(errors.glossy / published.glossy);
+        let verdict = match map_count {
+            13 if worst <= method.limit => "ok".to_owned(),
+            13 => format!("{worst:.2} times the published figure"),
+            _ => String::new(),
+        };
+        lines.push(format!(
+            "  {:<26} {:>6} {:>19} {:>19} {:>19}  {verdict}",
+            method.name,
+            count,
+            cell(errors.irradiance, published.irradiance),
+            cell(errors.shadow, published.shadow),
+            cell(errors.glossy, published.glossy),
+        ));
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_and_better_lights_have_less_error_and_all_keep_the_power() {
+        let map = PolarMap::from_fn(SHAPE, |row, column| {
+            let lamp = row.abs_diff(40) < 4 && column.abs_diff(100) < 5;
+            if lamp { [90.0, 80.0, 60.0] } else { [1.0, 1.2, 1.5] }
+        });
+        let rows = measure(&map).unwrap();
+        assert_eq!(rows.len(), METHODS.len() * COUNTS.len());
+        for pair in rows.chunks(2) {
+            assert!(pair[1].errors.irradiance < pair[0].errors.irradiance);
+        }
+        assert!(rows[4].errors.irradiance < 0.2 * rows[0].errors.irradiance);
+        assert!(rows.iter().all(|row| row.power_difference.abs() < 1e-4));
+        let means = means(&rows);
+        assert_eq!(means.len(), 6);
+        assert!((means[0].2.shadow / rows[0].errors.shadow - 1.0).abs() < 1e-12);
+        assert_eq!(lines("map", &rows).len(), 7);
+        assert!(mean_lines(&rows, 1)[1].trim_end().ends_with(&format!("{:.5}", rows[0].errors.glossy)));
+    }
+
+    #[test]
+    fn means_are_geometric() {
+        let row = |error: f64| Row {
+            method: METHODS[2],
+            count: 64,
+            errors: errors(error, error, error),
+            estimate: 0.0,
+            power_difference: 0.0,
+            time: Duration::ZERO,
+        };
+        let means = means(&[row(0.01), row(0.0001)]);
+        assert!((means[0].2.glossy - 0.001).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,340 @@
+//! Links between two threads, with recycled buffers. What a link does when the reader is slow is in its name:
+//! [`latest`] overwrites and counts (live), [`bounded`] makes the writer wait and loses nothing (replay, recording).
+//!
+//! All buffers are made with the link: one in the writer's hand, one in the reader's, and those in between. The
+//! writer takes an empty one with [`Sender::take`], fills it and [`send`](Sender::send)s it; it goes back when the
+//! reader drops its [`Received`]. So nothing is allocated once every buffer has grown to its size.
+
+use super::Shutdown;
+use crossbeam_channel as channel;
+use crossbeam_channel::{TrySendError, select};
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Something that knows how many of its kind were lost between the one before and itself.
+pub trait Item: Send {
+    /// The number lost.
+    fn lost_before(&self) -> u64;
+    /// Adds to the number lost.
+    fn lose(&mut self, count: u64);
+}
+
+/// The other side of the link has gone, or the service was aborted: the stage has nothing left to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Closed;
+
+/// A link of one slot: a newer item overwrites the one that waits, which is counted, with all that it had lost
+/// itself, in the newer one's `lost_before`.
+pub fn latest<T: Item>(shutdown: &Shutdown, make: impl FnMut() -> T) -> (Sender<T>, Receiver<T>) {
+    link(1, true, shutdown, make)
+}
+
+/// A link of `capacity` (at least one) items that makes the writer wait when it is full.
+pub fn bounded<T: Item>(
+    capacity: usize,
+    shutdown: &Shutdown,
+    make: impl FnMut() -> T,
+) -> (Sender<T>, Receiver<T>) {
+    link(capacity, false, shutdown, make)
+}
+
+fn link<T: Item>(
+    capacity: usize,
+    overwrites: bool,
+    shutdown: &Shutdown,
+    mut make: impl FnMut() -> T,
+) -> (Sender<T>, Receiver<T>) {
+    let capacity = capacity.max(1);
+    let (full_in, full_out) = channel::bounded(capacity);
+    let (empty_in, empty_out) = channel::bounded(capacity + 2);
+    for _ in 0..capacity + 2 {
+        empty_in.send(make()).expect("both ends of the channel are here and it has room");
+    }
+    let is_reader_gone = Arc::new(AtomicBool::new(false));
+    let sender = Sender {
+        full: full_in,
+        slot: overwrites.then(|| full_out.clone()),
+        empty: empty_out,
+        spare: None,
+        is_reader_gone: is_reader_gone.clone(),
+        shutdown: shutdown.clone(),
+    };
+    let receiver = Receiver { full: full_out, empty: empty_in, is_reader_gone, shutdown: shutdown.clone() };
+    (sender, receiver)
+}
+
+/// What travels: the item and how many were overwritten since the reader took the last one.
+struct Envelope<T> {
+    item: T,
+    overwritten: u64,
+}
+
+/// The writer's end. Dropping it closes the link; the reader still gets what is in it.
+pub struct Sender<T> {
+    full: channel::Sender<Envelope<T>>,
+    /// The reader's end of `full`, to take back what is to be overwritten; only in a `latest` link.
+    slot: Option<channel::Receiver<Envelope<T>>>,
+    empty: channel::Receiver<T>,
+    spare: Option<T>,
+    /// Needed because `slot` keeps `full` open when the reader goes.
+    is_reader_gone: Arc<AtomicBool>,
+    shutdown: Shutdown,
+}
+
+impl<T: Item> Sender<T> {
+    /// An empty buffer (it holds what it held when it was last used). Waits only if the reader holds more than one.
+    ///
+    /// # Errors
+    /// [`Closed`].
+    pub fn take(&mut self) -> Result<T, Closed> {
+        if let Some(item) = self.spare.take() {
+            return Ok(item);
+        }
+        if let Ok(item) = self.empty.try_recv() {
+            return Ok(item);
+        }
+        select! {
+            recv(self.empty) -> item => item.map_err(|_| Closed),
+            recv(self.shutdown.aborted()) -> _ => Err(Closed),
+        }
+    }
+
+    /// Sends a filled buffer.
+    ///
+    /// # Errors
+    /// [`Closed`]; the item is then gone.
+    pub fn send(&mut self, item: T) -> Result<(), Closed> {
+        if self.is_reader_gone.load(Ordering::Acquire) {
+            return Err(Closed);
+        }
+        let mut envelope = Envelope { item, overwritten: 0 };
+        let Some(slot) = &self.slot else {
+            return select! {
+                send(self.full, envelope) -> sent => sent.map_err(|_| Closed),
+                recv(self.shutdown.aborted()) -> _ => Err(Closed),
+            };
+        };
+        loop {
+            envelope = match self.full.try_send(envelope) {
+                Ok(()) => return Ok(()),
+                Err(TrySendError::Disconnected(_)) => return Err(Closed),
+                Err(TrySendError::Full(envelope)) => envelope,
+            };
+            // The reader may have been quicker; then there is room now.
+            if let Ok(old) = slot.try_recv() {
+                envelope.item.lose(old.item.lost_before() + 1);
+                envelope.overwritten += old.overwritten + 1;
+                self.spare = Some(old.item);
+            }
+        }
+    }
+}
+
+/// The reader's end. Dropping it closes the link.
+pub struct Receiver<T> {
+    full: channel::Receiver<Envelope<T>>,
+    empty: channel::Sender<T>,
+    is_reader_gone: Arc<AtomicBool>,
+    shutdown: Shutdown,
+}
+
+impl<T: Item> Receiver<T> {
+    /// Waits for the next item. `None`: the writer has gone and everything was read, or the service was aborted.
+    pub fn receive(&mut self) -> Option<Received<'_, T>> {
+        let envelope = match self.full.try_recv() {
+            Ok(envelope) => envelope,
+            Err(_) => select! {
+                recv(self.full) -> envelope => envelope.ok()?,
+                recv(self.shutdown.aborted()) -> _ => return None,
+            },
+        };
+        let Envelope { item, overwritten } = envelope;
+        Some(Received { item: Some(item), overwritten, home: Some(&self.empty) })
+    }
+}
+
+impl<T> Drop for Receiver<T> {
+    fn drop(&mut self) {
+        self.is_reader_gone.store(true, Ordering::Release);
+    }
+}
+
+/// An item in the reader's hand; its buffer goes back to the writer when this is dropped.
+pub struct Received<'a, T> {
+    item: Option<T>,
+    overwritten: u64,
+    home: Option<&'a channel::Sender<T>>,
+}
+
+impl<T> Received<'_, T> {
+    /// An item that came through no link and goes nowhere.
+    pub(super) fn own(item: T) -> Self {
+        Self { item: Some(item), overwritten: 0, home: None }
+    }
+
+    /// Items that were overwritten in the link since the last one was received.
+    pub fn overwritten(&self) -> u64 {
+        self.overwritten
+    }
+}
+
+impl<T> Deref for Received<'_, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        self.item.as_ref().expect("the item leaves only in drop")
+    }
+}
+
+impl<T> DerefMut for Received<'_, T> {
+    fn deref_mut(&mut self) -> &mut T {
+        self.item.as_mut().expect("the item leaves only in drop")
+    }
+}
+
+impl<T> Drop for Received<'_, T> {
+    fn drop(&mut self) {
+        if let (Some(home), Some(item)) = (self.home, self.item.take()) {
+            // There is room for every buffer; it fails only when the writer has gone, who then needs none.
+            let _ = home.try_send(item);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Default)]
+    struct Numbered {
+        number: u64,
+        lost_before: u64,
+        payload: Vec<u64>,
+    }
+
+    impl Item for Numbered {
+        fn lost_before(&self) -> u64 {
+            self.lost_before
+        }
+
+        fn lose(&mut self, count: u64) {
+            self.lost_before += count;
+        }
+    }
+
+    fn send(sender: &mut Sender<Numbered>, number: u64) -> Result<(), Closed> {
+        let mut item = sender.take()?;
+        (item.number, item.lost_before) = (number, 0);
+        item.payload.resize(1000, number);
+        sender.send(item)
+    }
+
+    #[test]
+    fn latest_gives_the_newest_and_says_what_it_overwrote() {
+        let (mut sender, mut receiver) = latest(&Shutdown::new(), Numbered::default);
+        for number in 0..5 {
+            send(&mut sender, number).unwrap();
+        }
+        let item = receiver.receive().unwrap();
+        assert_eq!((item.number, item.lost_before, item.overwritten()), (4, 4, 4));
+        send(&mut sender, 5).unwrap();
+        drop(item);
+        let item = receiver.receive().unwrap();
+        assert_eq!((item.number, item.lost_before, item.overwritten()), (5, 0, 0));
+    }
+
+    #[test]
+    fn what_an_overwritten_item_had_lost_is_not_forgotten() {
+        let (mut sender, mut receiver) = latest(&Shutdown::new(), Numbered::default);
+        let mut item = sender.take().unwrap();
+        item.lost_before = 3;
+        sender.send(item).unwrap();
+        send(&mut sender, 9).unwrap();
+        let item = receiver.receive().unwrap();
+        assert_eq!((item.lost_before, item.overwritten()), (4, 1));
+    }
+
+    #[test]
+    fn latest_between_threads_accounts_for_every_item() {
+        const COUNT: u64 = 20_000;
+        let (mut sender, mut receiver) = latest(&Shutdown::new(), Numbered::default);
+        std::thread::scope(|scope| {
+            scope.spawn(move || (0..COUNT).try_for_each(|number| send(&mut sender, number)));
+            let (mut received, mut overwritten, mut next) = (0, 0, 0);
+            while let Some(item) = receiver.receive() {
+                assert_eq!(item.number, next + item.lost_before, "numbers rise and gaps are told");
+                (received, overwritten, next) =
+                    (received + 1, overwritten + item.overwritten(), item.number + 1);
+            }
+            assert_eq!((received + overwritten, next), (COUNT, COUNT), "the last item always arrives");
+        });
+    }
+
+    #[test]
+    fn bounded_between_threads_loses_nothing_and_reuses_its_buffers() {
+        const COUNT: u64 = 5000;
+        let (mut sender, mut receiver) = bounded(2, &Shutdown::new(), Numbered::default);
+        std::thread::scope(|scope| {
+            scope.spawn(move || (0..COUNT).try_for_each(|number| send(&mut sender, number)));
+            let (mut next, mut buffers) = (0, std::collections::BTreeSet::new());
+            while let Some(item) = receiver.receive() {
+                assert_eq!((item.number, item.lost_before, item.overwritten()), (next, 0, 0));
+                buffers.insert(item.payload.as_ptr() as usize);
+                next += 1;
+            }
+            assert_eq!(next, COUNT);
+            assert!(buffers.len() <= 4, "{} buffers", buffers.len());
+        });
+    }
+
+    #[test]
+    fn a_writer_that_waits_ends_when_the_reader_goes() {
+        let (mut sender, receiver) = bounded(1, &Shutdown::new(), Numbered::default);
+        std::thread::scope(|scope| {
+            let writer = scope.spawn(move || (0..).find_map(|number| send(&mut sender, number).err()));
+            drop(receiver);
+            assert_eq!(writer.join().unwrap(), Some(Closed));
+        });
+        let (mut sender, receiver) = latest(&Shutdown::new(), Numbered::default);
+        drop(receiver);
+        assert_eq!(send(&mut sender, 0), Err(Closed));
+    }
+
+    #[test]
+    fn a_reader_gets_what_is_left_and_ends_when_the_writer_goes() {
+        for (mut sender, mut receiver) in
+            [bounded(3, &Shutdown::new(), Numbered::default), latest(&Shutdown::new(), Numbered::default)]
+        {
+            send(&mut sender, 7).unwrap();
+            drop(sender);
+            assert_eq!(receiver.receive().unwrap().number, 7);
+            assert!(receiver.receive().is_none());
+        }
+    }
+
+    #[test]
+    fn abort_ends_every_wait() {
+        let shutdown = Shutdown::new();
+        let (mut full, _reader) = bounded(1, &shutdown, Numbered::default);
+        let (_writer, mut empty) = bounded::<Numbered>(1, &shutdown, Numbered::default);
+        let (_live_writer, mut live) = latest::<Numbered>(&shutdown, Numbered::default);
+        std::thread::scope(|scope| {
+            let writer = scope.spawn(move || (0..).find_map(|number| send(&mut full, number).err()));
+            let reader = scope.spawn(move || empty.receive().is_none());
+            let live_reader = scope.spawn(move || live.receive().is_none());
+            shutdown.abort();
+            assert_eq!(writer.join().unwrap(), Some(Closed));
+            assert!(reader.join().unwrap() && live_reader.join().unwrap());
+        });
+    }
+
+    #[test]
+    fn a_request_leaves_the_links_open() {
+        let shutdown = Shutdown::new();
+        let (mut sender, mut receiver) = bounded(1, &shutdown, Numbered::default);
+        shutdown.request();
+        send(&mut sender, 1).unwrap();
+        assert_eq!(receiver.receive().unwrap().number, 1);
+    }
+}

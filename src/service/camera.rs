@@ -1,0 +1,41 @@
+use crate::camera::{Calibration, FrameToPolar, LOOKING_UP, Projection, Response};
+use crate::config::{Config, ProjectionKind};
+use crate::error::{Error, Result};
+use crate::source::FrameFormat;
+use glam::DMat3;
+
+/// The way from frames of this format to polar maps, and what their samples mean.
+///
+/// # Errors
+/// Kind `Usage` for a calibration that cannot be used or is not one of these frames: better told once at the start
+/// than by every frame.
+pub(super) fn frame_to_polar(config: &Config, format: &FrameFormat) -> Result<(FrameToPolar, Response)> {
+    let options = &config.camera;
+    let FrameFormat { width, height, is_codes, latlong_centres: centres, .. } = *format;
+    let (projection, response, world_from_camera) = match (options.projection, &options.calibration) {
+        (ProjectionKind::Fisheye, Some(path)) => {
+            let calibration = Calibration::load(path)?;
+            for note in &calibration.notes {
+                tracing::info!("{}: {note}", path.display());
+            }
+            (Projection::Fisheye(calibration.lens), calibration.response, LOOKING_UP)
+        }
+        // A fisheye without a calibration was refused with the configuration.
+        _ => (Projection::LatLong { width, height, centres }, Response::default(), DMat3::IDENTITY),
+    };
+    let misfit = if (width, height) != (projection.width(), projection.height()) {
+        format!("is for frames of {} x {}", projection.width(), projection.height())
+    } else if is_codes && response.is_identity() {
+        "has no response, which tells what sensor codes mean".to_owned()
+    } else {
+        let world_from_camera = options.world_from_camera.unwrap_or(world_from_camera);
+        return Ok((FrameToPolar::new(&projection, world_from_camera, config.map)?, response));
+    };
+    let calibration = options
+        .calibration
+        .as_ref()
+        .map_or("a lat-long panorama".to_owned(), |path| format!("the calibration {}", path.display()));
+    let samples = if is_codes { "sensor codes" } else { "radiance" };
+    Err(Error::usage(format!("{calibration} {misfit}, but the frames are {width} x {height} of {samples}"))
+        .at(config.source.path.display()))
+}

@@ -1,0 +1,128 @@
+use super::Summary;
+use crate::error::Result;
+use crate::rt::stage::{self, Inlet, Outlet, Stage};
+use crate::rt::{Clock, Metrics, Shutdown, Threads};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Stages on their threads. The first error in time ends all of them; a panic is an error.
+pub(super) struct Graph {
+    threads: Threads,
+    clock: Clock,
+    shutdown: Shutdown,
+    metrics: Vec<Arc<Metrics>>,
+}
+
+impl Graph {
+    pub fn new(clock: Clock, shutdown: &Shutdown) -> Self {
+        Self { threads: Threads::new(shutdown), clock, shutdown: shutdown.clone(), metrics: Vec::new() }
+    }
+
+    /// Runs `stage` on a thread that is called what `metrics` are called.
+    pub fn spawn<I, O, S>(&mut self, metrics: Arc<Metrics>, stage: S, inlet: I, outlet: O) -> Result<()>
+    where
+        I: Inlet + 'static,
+        O: Outlet + 'static,
+        S: Stage<Input = I::Item, Output = O::Item> + 'static,
+    {
+        let (clock, shutdown) = (self.clock.clone(), self.shutdown.clone());
+        // Readers are started before their writers; the summary follows the data.
+        self.metrics.insert(0, metrics.clone());
+        self.threads
+            .spawn(metrics.name(), move || stage::run(stage, inlet, outlet, &clock, &shutdown, &metrics))
+    }
+
+    pub fn summary(&self) -> Summary {
+        Summary::new(self.metrics.clone())
+    }
+
+    /// Waits for the end and calls `watch` about every `interval` meanwhile.
+    pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
+        self.threads.join(interval, watch)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Error;
+    use crate::image::Frame;
+    use crate::rt::link::{bounded, latest};
+    use crate::rt::stage::{Flow, Nowhere, Tick, Ticks};
+
+    struct Counts(u64);
+
+    impl Stage for Counts {
+        type Input = Tick;
+        type Output = Frame;
+
+        fn step(&mut self, _: &Tick, frame: &mut Frame) -> Result<Flow> {
+            frame.stamp.sequence = self.0;
+            frame.stamp.lost_before = 0;
+            self.0 += 1;
+            Ok(Flow::Send)
+        }
+    }
+
+    /// Does `what` at frame 5.
+    struct Does(fn() -> Result<Flow>);
+
+    impl Stage for Does {
+        type Input = Frame;
+        type Output = Frame;
+
+        fn step(&mut self, frame: &Frame, _: &mut Frame) -> Result<Flow> {
+            if frame.stamp.sequence >= 5 { (self.0)() } else { Ok(Flow::Send) }
+        }
+    }
+
+    struct Ignores;
+
+    impl Stage for Ignores {
+        type Input = Frame;
+        type Output = ();
+
+        fn step(&mut self, _: &Frame, (): &mut ()) -> Result<Flow> {
+            Ok(Flow::Send)
+        }
+    }
+
+    /// An endless source, a middle that does `what` at frame 5, and an end; returns how it ended.
+    fn outcome(what: fn() -> Result<Flow>, is_live: bool) -> Result<()> {
+        let shutdown = Shutdown::new();
+        let link = || {
+            if is_live { latest(&shutdown, Frame::default) } else { bounded(2, &shutdown, Frame::default) }
+        };
+        let (first, second) = (link(), link());
+        let mut graph = Graph::new(Clock::simulated(), &shutdown);
+        graph.spawn(Metrics::new("source"), Counts(0), Ticks(shutdown.clone()), first.0).unwrap();
+        graph.spawn(Metrics::new("middle"), Does(what), first.1, second.0).unwrap();
+        graph.spawn(Metrics::new("end"), Ignores, second.1, Nowhere).unwrap();
+        assert_eq!(graph.summary().stages().len(), 3);
+        graph.join(Duration::from_millis(1), || ())
+    }
+
+    #[test]
+    fn a_panicking_stage_stops_the_service_with_an_error() {
+        for is_live in [false, true] {
+            let error = outcome(|| panic!("out of luck"), is_live).unwrap_err();
+            assert!(error.to_string().contains("`middle` panicked"), "{error}");
+            assert!(error.to_string().ends_with("out of luck"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_failing_stage_stops_the_service_with_its_error() {
+        for is_live in [false, true] {
+            let error = outcome(|| Err(Error::failed("disk full")), is_live).unwrap_err();
+            assert_eq!(error.to_string(), "disk full");
+        }
+    }
+
+    #[test]
+    fn a_stage_that_ends_lets_an_endless_source_end() {
+        for is_live in [false, true] {
+            outcome(|| Ok(Flow::End), is_live).unwrap();
+        }
+    }
+}

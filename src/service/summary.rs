@@ -1,0 +1,92 @@
+use crate::rt::Metrics;
+use std::fmt;
+use std::sync::Arc;
+
+/// What every stage has done, as a table.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    stages: Vec<Arc<Metrics>>,
+}
+
+impl Summary {
+    /// The stages in the order of the data.
+    pub(super) fn new(stages: Vec<Arc<Metrics>>) -> Self {
+        Self { stages }
+    }
+
+    /// The stages in the order of the data.
+    pub fn stages(&self) -> &[Arc<Metrics>] {
+        &self.stages
+    }
+
+    /// Light lists that have left the service.
+    pub fn lists_published(&self) -> u64 {
+        self.stage("publish").map_or(0, |publish| publish.frames.get())
+    }
+
+    /// What the stage of this name has done.
+    pub fn stage(&self, name: &str) -> Option<&Metrics> {
+        self.stages.iter().find(|stage| stage.name() == name).map(AsRef::as_ref)
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { stages } = self;
+        writeln!(
+            f,
+            "{:<10} {:>8} {:>8} {:>10} {:>10} {:>10} {:>10}",
+            "stage", "frames", "drops", "bad frames", "p50 ms", "p99 ms", "max ms"
+        )?;
+        for stage in stages {
+            let ms = |time_ns: u64| time_ns as f64 * 1e-6;
+            let time = &stage.time_ns;
+            writeln!(
+                f,
+                "{:<10} {:>8} {:>8} {:>10} {:>10.3} {:>10.3} {:>10.3}",
+                stage.name(),
+                stage.frames.get(),
+                stage.drops.get(),
+                stage.bad_frames.get(),
+                ms(time.percentile(0.5)),
+                ms(time.percentile(0.99)),
+                ms(time.maximum()),
+            )?;
+        }
+        for stage in stages {
+            let counters = stage.counters();
+            if !counters.is_empty() {
+                let counts: Vec<String> =
+                    counters.iter().map(|(name, count)| format!("{count} {name}")).collect();
+                writeln!(f, "pixels in {}: {}", stage.name(), counts.join(", "))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_for_every_stage_and_a_line_for_its_counters() {
+        let stage = Metrics::new("calibrate");
+        stage.frames.add(75);
+        stage.drops.add(2);
+        stage.bad_frames.add(1);
+        stage.time_ns.record(1_500_000);
+        stage.counter("saturated").add(12);
+        let summary = Summary::new(vec![Metrics::new("source"), stage]);
+        let text = summary.to_string();
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(lines[1], ["source", "0", "0", "0", "0.000", "0.000", "0.000"]);
+        assert_eq!(
+            lines[2],
+            ["calibrate", "75", "2", "1", "1.491", "1.491", "1.500"],
+            "centres of buckets, and the maximum"
+        );
+        assert_eq!(text.lines().last(), Some("pixels in calibrate: 12 saturated"));
+        assert_eq!(summary.stage("source").unwrap().frames.get(), 0);
+    }
+}

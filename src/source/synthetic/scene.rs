@@ -1,0 +1,69 @@
+//! The scenes as one: radiance by direction and time.
+
+use super::emitter::Detail;
+use super::panorama::{Panorama, PanoramaAt};
+use super::room::{Room, RoomAt};
+use super::sky::{Sky, SkyAt};
+use glam::DVec3;
+use std::fmt::Arguments;
+
+/// What there is to see.
+#[derive(Clone, Debug)]
+pub enum Scene {
+    /// Open sky.
+    Sky(Sky),
+    /// A box from inside.
+    Room(Room),
+    /// A recorded panorama.
+    Panorama(Panorama),
+}
+
+impl Scene {
+    /// The scene at a time in seconds since frame 0.
+    pub fn at(&self, time_s: f64) -> SceneAt<'_> {
+        match self {
+            Self::Sky(sky) => SceneAt::Sky(sky.at(time_s)),
+            Self::Room(room) => SceneAt::Room(room.at(time_s)),
+            Self::Panorama(panorama) => SceneAt::Panorama(panorama.at(time_s)),
+        }
+    }
+}
+
+/// A scene at one time.
+pub enum SceneAt<'a> {
+    /// See [`Scene::Sky`].
+    Sky(SkyAt<'a>),
+    /// See [`Scene::Room`].
+    Room(RoomAt<'a>),
+    /// See [`Scene::Panorama`].
+    Panorama(PanoramaAt<'a>),
+}
+
+impl SceneAt<'_> {
+    /// RGB radiance from a direction (unit vector, world frame).
+    pub fn radiance(&self, direction: DVec3) -> [f64; 3] {
+        match self {
+            Self::Sky(sky) => sky.radiance(direction),
+            Self::Room(room) => room.radiance(direction),
+            Self::Panorama(panorama) => panorama.radiance(direction),
+        }
+    }
+
+    /// Where a pixel must be cut finely.
+    pub fn details(&self) -> Vec<Detail> {
+        match self {
+            Self::Sky(sky) => sky.details().collect(),
+            Self::Room(room) => room.details().collect(),
+            Self::Panorama(panorama) => panorama.details().collect(),
+        }
+    }
+}
+
+/// Refuses what is no radiance that an f32 holds.
+pub(super) fn check_radiance(key: Arguments<'_>, rgb: [f64; 3]) -> Result<(), String> {
+    if rgb.into_iter().all(|value| (0.0..=f64::from(f32::MAX)).contains(&value)) {
+        Ok(())
+    } else {
+        Err(format!("{key} must be finite and not negative"))
+    }
+}

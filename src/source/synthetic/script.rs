@@ -1,0 +1,336 @@
+//! The script file: what a synthetic sequence shows and how it is taken.
+//!
+//! TOML; unknown keys are refused. One of `[sky]`, `[room]`, `[panorama]` says what there is to see, one of
+//! `[lat_long]`, `[fisheye]` how it is seen.
+
+use super::animation::Exposure;
+use super::integrate::View;
+use super::panorama::{Panorama, PanoramaOptions};
+use super::place;
+use super::room::Room;
+use super::scene::Scene;
+use super::sensor::Noise;
+use super::sky::Sky;
+use crate::camera::{Calibration, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
+use crate::error::{Error, Result};
+use crate::image::{Frame, LatLongCentres, read};
+use glam::DMat3;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// A checked script.
+#[derive(Clone, Debug)]
+pub struct Script {
+    /// File names of the frames.
+    pub name: FrameName,
+    /// How many frames there are.
+    pub frames: usize,
+    /// Frames per second.
+    pub frame_rate_hz: f64,
+    /// 3 for colour, 1 for luminance only.
+    pub channels: usize,
+    /// OpenEXR files hold half floats.
+    pub half: bool,
+    /// Least number of cells across a pixel.
+    pub(super) cells: usize,
+    /// Ascending in time.
+    pub(super) exposure: Vec<Exposure>,
+    /// None for none.
+    pub(super) noise: Option<Noise>,
+    /// What there is to see.
+    pub(super) scene: Scene,
+    /// Where pixels look; the world for a lat-long picture.
+    pub(super) view: View,
+    /// What the sensor makes of radiance; the identity for frames of radiance.
+    pub(super) response: Response,
+}
+
+/// Name of a frame's file: a run of `#` stands for the number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameName {
+    before: String,
+    digits: usize,
+    after: String,
+    /// Number of the first frame.
+    pub first_number: u64,
+}
+
+impl FrameName {
+    fn parse(pattern: &str, first_number: u64) -> Option<Self> {
+        let start = pattern.find('#')?;
+        let digits = pattern[start..].bytes().take_while(|byte| *byte == b'#').count();
+        let (before, after) = (pattern[..start].to_owned(), pattern[start + digits..].to_owned());
+        let plain = !pattern.contains(['/', '\\']) && !after.contains('#') && digits <= 18;
+        // A digit beside the number would be read as part of it.
+        let apart = !before.ends_with(|c: char| c.is_ascii_digit());
+        (plain && apart).then_some(Self { before, digits, after, first_number })
+    }
+
+    /// The pattern, as `name.####.exr`.
+    pub fn pattern(&self) -> String {
+        format!("{}{}{}", self.before, "#".repeat(self.digits), self.after)
+    }
+
+    /// File of a frame, counted from 0.
+    pub fn file(&self, index: usize) -> String {
+        let number = self.first_number + index as u64;
+        format!("{}{number:0width$}{}", self.before, self.after, width = self.digits)
+    }
+}
+
+/// The file's keys.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    name: String,
+    frames: usize,
+    frame_rate_hz: f64,
+    #[serde(default)]
+    first_number: u64,
+    #[serde(default = "yes")]
+    colour: bool,
+    #[serde(default)]
+    half: bool,
+    #[serde(default = "cells")]
+    cells_per_pixel: usize,
+    #[serde(default)]
+    exposure: Vec<Exposure>,
+    noise: Option<Noise>,
+    lat_long: Option<LatLong>,
+    fisheye: Option<Fisheye>,
+    sky: Option<Sky>,
+    room: Option<Room>,
+    panorama: Option<PanoramaOptions>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// Sixteen cells a pixel take the jaggedness off edges.
+fn cells() -> usize {
+    4
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LatLong {
+    width: usize,
+    height: usize,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Fisheye {
+    width: usize,
+    height: usize,
+    /// Full angle.
+    field_of_view_deg: f64,
+    /// k1 to k4 of Kannala and Brandt.
+    #[serde(default)]
+    k: [f64; 4],
+    /// By default such that the field of view touches the nearer border.
+    focal_px: Option<f64>,
+    /// Principal point, half-pixel centres; by default the middle.
+    centre_px: Option<[f64; 2]>,
+    /// Rows of the rotation from the camera to the world; by default the camera looks straight up.
+    world_from_camera: Option<[[f64; 3]; 3]>,
+    /// Raw codes by this response; radiance without it.
+    #[serde(default)]
+    response: ResponseModel,
+}
+
+/// Largest share of a frame's samples that is worth a check: 2^27 pixels, as the readers accept.
+const PIXELS_MAX: usize = 1 << 27;
+
+impl Script {
+    /// Reads a script. Paths in it are relative to its folder; those that begin with `data:` lie below `data`.
+    ///
+    /// # Errors
+    /// `Usage`, naming the file, the line and the key: what cannot be read, is not TOML, has unknown keys or
+    /// values that do not fit, or names a panorama that is not there.
+    pub fn load(path: &Path, data: Option<&Path>) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            Error::usage(format!("{}: the script cannot be read", path.display())).because(error)
+        })?;
+        Self::parse(&text, path, data)
+    }
+
+    /// As [`Self::load`], from a text that stands for the file `path`.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn parse(text: &str, path: &Path, data: Option<&Path>) -> Result<Self> {
+        let keys: Keys = toml::from_str(text).map_err(|error| place::of_toml(&error, text, path))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        keys.check(folder, data).map_err(|fault| place::of_value(&fault, text, path))
+    }
+}
+
+impl Script {
+    /// The camera of a fisheye script, for a calibration file; none for lat-long pictures. The orientation is not
+    /// part of it.
+    pub fn calibration(&self) -> Option<Calibration> {
+        match self.view.projection {
+            Projection::LatLong { .. } => None,
+            Projection::Fisheye(lens) => {
+                Some(Calibration { lens, response: self.response.clone(), notes: Vec::new() })
+            }
+        }
+    }
+
+    /// Rotation from the camera frame to the world, as a configuration has to name it; the identity for lat-long
+    /// pictures.
+    pub fn world_from_camera(&self) -> DMat3 {
+        self.view.world_from_camera
+    }
+}
+
+impl Keys {
+    /// The error begins with the key.
+    fn check(self, folder: &Path, data: Option<&Path>) -> Result<Script, String> {
+        if self.frames == 0 || self.frames > 1_000_000 {
+            return Err("frames must be 1 to 1,000,000".into());
+        }
+        if !(1e-3..=1e5).contains(&self.frame_rate_hz) {
+            return Err("frame_rate_hz must lie between 0.001 and 100,000".into());
+        }
+        if self.first_number > 1 << 60 {
+            return Err("first_number must be below 2^60".into());
+        }
+        if !(1..=64).contains(&self.cells_per_pixel) {
+            return Err("cells_per_pixel must be 1 to 64".into());
+        }
+        let name = FrameName::parse(&self.name, self.first_number).ok_or(
+            "name must hold one run of # for the number, not after a digit, and no folder: day.####.png",
+        )?;
+        let ascending = self.exposure.is_sorted_by(|a, b| a.time_s < b.time_s);
+        let moderate = self.exposure.iter().all(|e| e.time_s.is_finite() && e.stops.abs() <= 100.0);
+        if !ascending || !moderate {
+            return Err("exposure must ascend in time_s, its stops between -100 and 100".into());
+        }
+        let (projection, world_from_camera, response) = match (&self.lat_long, &self.fisheye) {
+            (Some(LatLong { width, height }), None) => {
+                let projection =
+                    Projection::LatLong { width: *width, height: *height, centres: LatLongCentres::Half };
+                (projection, DMat3::IDENTITY, Response::default())
+            }
+            (None, Some(fisheye)) => fisheye.check()?,
+            _ => return Err("lat_long or fisheye: one of the two sections must be there".into()),
+        };
+        let (width, height) = (projection.width(), projection.height());
+        if width == 0 || height == 0 || width.saturating_mul(height) > PIXELS_MAX {
+            return Err("lat_long width and height must be above 0, at most 2^27 pixels in all".into());
+        }
+        let codes = !response.is_identity();
+        let extension = if codes { ".png" } else { ".exr" };
+        if !self.name.ends_with(extension) {
+            return Err(format!(
+                "name must end in {extension}: a fisheye with a response gives raw codes as 16-bit PNG, all else \
+                 gives radiance as OpenEXR"
+            ));
+        }
+        if codes && self.half {
+            return Err("half is for OpenEXR only".into());
+        }
+        if let Some(noise) = &self.noise {
+            noise.check()?;
+            if !codes && noise.read_codes != 0.0 {
+                return Err("noise.read_codes is for raw codes only".into());
+            }
+        }
+        Ok(Script {
+            name,
+            frames: self.frames,
+            frame_rate_hz: self.frame_rate_hz,
+            channels: if self.colour { 3 } else { 1 },
+            half: self.half,
+            cells: self.cells_per_pixel,
+            exposure: self.exposure,
+            noise: self.noise,
+            scene: scene([self.sky.map(Scene::Sky), self.room.map(Scene::Room)], self.panorama, |options| {
+                load_panorama(options, self.frame_rate_hz, folder, data)
+            })?,
+            view: View { projection, world_from_camera },
+            response,
+        })
+    }
+}
+
+fn scene(
+    analytic: [Option<Scene>; 2],
+    panorama: Option<PanoramaOptions>,
+    load: impl FnOnce(&PanoramaOptions) -> Result<Panorama, String>,
+) -> Result<Scene, String> {
+    match (analytic, panorama) {
+        ([Some(Scene::Sky(sky)), None], None) => sky.check().map(|()| Scene::Sky(sky)),
+        ([None, Some(Scene::Room(room))], None) => room.check().map(|()| Scene::Room(room)),
+        ([None, None], Some(options)) => load(&options).map(Scene::Panorama),
+        _ => Err("sky, room or panorama: one of the three sections must be there".into()),
+    }
+}
+
+fn load_panorama(
+    options: &PanoramaOptions,
+    frame_rate_hz: f64,
+    folder: &Path,
+    data: Option<&Path>,
+) -> Result<Panorama, String> {
+    let path: PathBuf = match (options.file.strip_prefix("data:"), data) {
+        (None, _) => folder.join(&options.file),
+        (Some(below), Some(data)) => data.join(below),
+        (Some(below), None) => {
+            return Err(format!(
+                "panorama.file is {below} in the data folder: set LIGHTCAST_DATA to that folder's path"
+            ));
+        }
+    };
+    let mut frame = Frame::default();
+    let attributes = read(&path, &mut frame).map_err(|error| format!("panorama.file: {error}"))?;
+    if attributes.latlong_centres != LatLongCentres::Half {
+        return Err(
+            "panorama.file has its pixel centres on the poles (attribute envmap); convert it to a plain \
+                    lat-long picture"
+                .into(),
+        );
+    }
+    Panorama::new(options, &frame, frame_rate_hz)
+}
+
+impl Fisheye {
+    fn check(&self) -> Result<(Projection, DMat3, Response), String> {
+        let theta_max_rad = 0.5 * self.field_of_view_deg.to_radians();
+        let [k1, k2, k3, k4] = self.k;
+        let t = theta_max_rad * theta_max_rad;
+        let radius = theta_max_rad * (1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4))));
+        let focal_px = self.focal_px.unwrap_or(0.5 * self.width.min(self.height) as f64 / radius);
+        let [cx, cy] = self.centre_px.unwrap_or([0.5 * self.width as f64, 0.5 * self.height as f64]);
+        let lens = Lens::new(LensParameters {
+            width: self.width,
+            height: self.height,
+            fx: focal_px,
+            fy: focal_px,
+            cx,
+            cy,
+            k: self.k,
+            field_of_view_rad: 2.0 * theta_max_rad,
+        })
+        .map_err(|error| format!("fisheye: {error}"))?;
+        let response =
+            Response::new(self.response.clone()).map_err(|error| format!("fisheye.response: {error}"))?;
+        let world_from_camera = match self.world_from_camera {
+            None => LOOKING_UP,
+            Some(rows) => {
+                let rotation = DMat3::from_cols_array_2d(&rows).transpose();
+                let error = rotation * rotation.transpose() - DMat3::IDENTITY;
+                let worst = error.to_cols_array().into_iter().map(f64::abs).fold(0.0, f64::max);
+                // 1e-6: what is left of a rotation written with seven digits.
+                if worst.is_nan() || worst > 1e-6 || rotation.determinant() < 0.0 {
+                    return Err("fisheye.world_from_camera must be a rotation matrix, by rows".into());
+                }
+                rotation
+            }
+        };
+        Ok((Projection::Fisheye(lens), world_from_camera, response))
+    }
+}

@@ -1,0 +1,17 @@
+use crate::error::Result;
+use crate::light::LightList;
+use crate::rt::stage::{Flow, Stage};
+use crate::temporal::LightFilter;
+
+/// Filters the lights over time.
+pub struct Filter(pub LightFilter);
+
+impl Stage for Filter {
+    type Input = LightList;
+    type Output = LightList;
+
+    fn step(&mut self, list: &LightList, filtered: &mut LightList) -> Result<Flow> {
+        self.0.step(list, filtered)?;
+        Ok(Flow::Send)
+    }
+}

@@ -1,0 +1,58 @@
+use super::picture::Due;
+use crate::error::Result;
+use crate::image::PolarMap;
+use crate::light::{Extractor, LightList};
+use crate::rt::link::{Closed, Sender};
+use crate::rt::stage::{Flow, Stage};
+
+/// Turns a map into lights. Copies of some maps may go to a picture stage.
+pub struct Light {
+    extractor: Extractor,
+    tap: Option<MapTap>,
+}
+
+impl Light {
+    /// Lights by `extractor`; maps to `tap`.
+    pub fn new(extractor: Extractor, tap: Option<MapTap>) -> Self {
+        Self { extractor, tap }
+    }
+}
+
+impl Stage for Light {
+    type Input = PolarMap;
+    type Output = LightList;
+
+    fn step(&mut self, map: &PolarMap, list: &mut LightList) -> Result<Flow> {
+        self.extractor.step(map, list);
+        if let Some(tap) = &mut self.tap
+            && tap.offer(map).is_err()
+        {
+            // The picture stage has ended; if it failed, the supervisor knows.
+            self.tap = None;
+        }
+        Ok(Flow::Send)
+    }
+}
+
+/// Sends copies of some maps to a picture stage: the first of every block of so many sequence numbers.
+pub struct MapTap {
+    maps: Sender<PolarMap>,
+    due: Due,
+}
+
+impl MapTap {
+    /// Copies go to `maps`, one in `every` sequence numbers.
+    pub fn new(maps: Sender<PolarMap>, every: u64) -> Self {
+        Self { maps, due: Due::new(every) }
+    }
+
+    fn offer(&mut self, map: &PolarMap) -> Result<(), Closed> {
+        if !self.due.is_due(map.stamp.sequence) {
+            return Ok(());
+        }
+        let mut copy = self.maps.take()?;
+        (copy.stamp, copy.shape) = (map.stamp, map.shape);
+        copy.pixels.clone_from(&map.pixels);
+        self.maps.send(copy)
+    }
+}

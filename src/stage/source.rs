@@ -1,0 +1,36 @@
+use crate::error::Result;
+use crate::image::Frame;
+use crate::rt::Clock;
+use crate::rt::stage::{Flow, Stage, Tick};
+use crate::source::{self, Next};
+
+/// Takes frames from a source and releases each at its capture time, counted from the first frame by the clock:
+/// under a simulated clock that is at once.
+pub struct Source<S> {
+    source: S,
+    clock: Clock,
+    /// Time of the clock at capture time 0.
+    start_ns: Option<i64>,
+}
+
+impl<S: source::Source> Source<S> {
+    /// Frames of `source`, paced by `clock`.
+    pub fn new(source: S, clock: &Clock) -> Self {
+        Self { source, clock: clock.clone(), start_ns: None }
+    }
+}
+
+impl<S: source::Source> Stage for Source<S> {
+    type Input = Tick;
+    type Output = Frame;
+
+    fn step(&mut self, _: &Tick, frame: &mut Frame) -> Result<Flow> {
+        // The source itself tells in `lost_before` what it could not read.
+        if self.source.next(frame)? == Next::End {
+            return Ok(Flow::End);
+        }
+        let capture_time_ns = frame.stamp.capture_time_ns;
+        let start_ns = *self.start_ns.get_or_insert(self.clock.now_ns().saturating_sub(capture_time_ns));
+        Ok(Flow::SendAt { time_ns: start_ns.saturating_add(capture_time_ns) })
+    }
+}

@@ -1,0 +1,240 @@
+//! A frame in the steady state allocates nothing in calibrate, light and filter: stages, links and loop are the
+//! program's own, under an allocator that counts.
+#![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
+
+use lightcast::camera::{
+    FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel,
+};
+use lightcast::error::Result;
+use lightcast::image::{Frame, Pixels, PolarMap, PolarShape, Stamp};
+use lightcast::light::{Extractor, LightList, Options, Sampler};
+use lightcast::rt::link::bounded;
+use lightcast::rt::stage::{Flow, Nowhere, Stage, Tick, Ticks, run};
+use lightcast::rt::{Clock, Metrics, Shutdown};
+use lightcast::stage::{Calibrate, Filter, Light};
+use lightcast::temporal::{FilterOptions, LightFilter};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+thread_local! {
+    /// Allocations of this thread, if they are being counted.
+    static COUNT: Cell<Option<u64>> = const { Cell::new(None) };
+}
+
+struct Counting;
+
+fn count_one() {
+    // A thread that ends has no thread-local values any more; what it frees and takes then is not the loop's.
+    let _ = COUNT.try_with(|count| count.set(count.get().map(|count| count + 1)));
+}
+
+#[expect(unsafe_code, reason = "an allocator cannot be written otherwise; it only forwards to the system's")]
+// SAFETY: every call goes to the system allocator with the caller's own arguments; counting touches a
+// const-initialised thread-local `Cell` without destructor, which neither allocates nor unwinds.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count_one();
+        // SAFETY: as the caller's.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count_one();
+        // SAFETY: as the caller's.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count_one();
+        // SAFETY: as the caller's.
+        unsafe { System.realloc(block, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: as the caller's.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Items after which every buffer has been round its link, the filter's history is full and every Vec has grown.
+const WARM_UP: u64 = 30;
+const FRAMES: u64 = 130;
+
+/// Allocations that a thread may make in links, once: the channels make a list of waiters when someone waits for the
+/// first time (two channels a link, two links, and the shutdown), and a context for the thread. When that happens
+/// depends on timing. One allocation a frame would be 100.
+const FIRST_WAITS: u64 = 8;
+
+/// Allocations after the warm-up.
+#[derive(Clone, Copy, Debug, Default)]
+struct Allocations {
+    in_steps: u64,
+    in_loop_and_links: u64,
+}
+
+/// A stage whose thread's allocations are counted from a certain step on.
+struct Counted<'a, S> {
+    stage: S,
+    steps: u64,
+    counted: &'a mut Allocations,
+}
+
+impl<'a, S> Counted<'a, S> {
+    fn new(stage: S, counted: &'a mut Allocations) -> Self {
+        Self { stage, steps: 0, counted }
+    }
+}
+
+impl<S: Stage> Stage for Counted<'_, S> {
+    type Input = S::Input;
+    type Output = S::Output;
+
+    fn step(&mut self, input: &S::Input, output: &mut S::Output) -> Result<Flow> {
+        self.counted.in_loop_and_links += COUNT.take().unwrap_or(0);
+        let is_counting = self.steps >= WARM_UP;
+        self.steps += 1;
+        COUNT.set(is_counting.then_some(0));
+        let flow = self.stage.step(input, output);
+        self.counted.in_steps += COUNT.replace(is_counting.then_some(0)).unwrap_or(0);
+        flow
+    }
+}
+
+impl<S> Drop for Counted<'_, S> {
+    fn drop(&mut self) {
+        self.counted.in_loop_and_links += COUNT.take().unwrap_or(0);
+    }
+}
+
+/// Raw 640 x 480 codes in which a bright spot moves.
+struct Camera(u64);
+
+impl Stage for Camera {
+    type Input = Tick;
+    type Output = Frame;
+
+    fn step(&mut self, _: &Tick, frame: &mut Frame) -> Result<Flow> {
+        if self.0 == FRAMES {
+            return Ok(Flow::End);
+        }
+        let number = self.0;
+        self.0 += 1;
+        let code = |index: u64| {
+            let (row, column) = (index / 640, index % 640);
+            let spot = (200 + number, 250 + 2 * number);
+            if row.abs_diff(spot.0) < 3 && column.abs_diff(spot.1) < 3 { 4095 } else { 200 + column as u16 }
+        };
+        *frame = Frame {
+            stamp: Stamp {
+                sequence: number,
+                capture_time_ns: 40_000_000 * number as i64,
+                lost_before: 0,
+                frame_rate_hz: 25.0,
+            },
+            width: 640,
+            height: 480,
+            channels: 1,
+            pixels: Pixels::Codes((0..640 * 480).map(code).collect()),
+        };
+        Ok(Flow::Send)
+    }
+}
+
+struct End;
+
+impl Stage for End {
+    type Input = LightList;
+    type Output = ();
+
+    fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
+        assert!(list.power[1] > 0.0 && list.filter_delay_frames > 0);
+        Ok(Flow::Send)
+    }
+}
+
+/// Allocations of calibrate, light and filter over the frames after the warm-up.
+fn allocations(sampler: Sampler, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
+    let shape = PolarShape::hemisphere(360, 90);
+    let lens = Lens::new(LensParameters {
+        width: 640,
+        height: 480,
+        fx: 150.0,
+        fy: 150.0,
+        cx: 320.0,
+        cy: 240.0,
+        k: [0.0; 4],
+        field_of_view_rad: 3.1,
+    })
+    .unwrap();
+    let response =
+        Response::new(ResponseModel::Linear { black_level: 64, white_level: 4095, gain: 1e-3 }).unwrap();
+    let frame_to_polar = FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).unwrap();
+    let extractor = Extractor::new(shape, &Options { count: 300, sampler, ..Options::default() }).unwrap();
+    let filter = LightFilter::new(&FilterOptions::default()).unwrap();
+
+    let (clock, shutdown) = (Clock::simulated(), Shutdown::new());
+    let metrics = ["camera", "calibrate", "light", "filter", "end"].map(Metrics::new);
+    let (frames_in, frames_out) = bounded(2, &shutdown, Frame::default);
+    let (maps_in, maps_out) = bounded(2, &shutdown, || PolarMap::black(shape));
+    let (lists_in, lists_out) = bounded(2, &shutdown, LightList::default);
+    let (filtered_in, filtered_out) = bounded(2, &shutdown, LightList::default);
+    let mut counts = [Allocations::default(); 3];
+    let [of_calibrate, of_light, of_filter] = &mut counts;
+    let disturbed = Disturbed { stage: Filter(filter), disturb, taken: Vec::with_capacity(1000) };
+    std::thread::scope(|scope| {
+        let (clock, shutdown, metrics) = (&clock, &shutdown, &metrics);
+        scope.spawn(|| run(Camera(0), Ticks(shutdown.clone()), frames_in, clock, shutdown, &metrics[0]));
+        scope.spawn(|| {
+            let stage = Counted::new(Calibrate::new(frame_to_polar, response, &metrics[1]), of_calibrate);
+            run(stage, frames_out, maps_in, clock, shutdown, &metrics[1])
+        });
+        scope.spawn(|| {
+            let stage = Counted::new(Light::new(extractor, None), of_light);
+            run(stage, maps_out, lists_in, clock, shutdown, &metrics[2])
+        });
+        scope.spawn(|| {
+            run(Counted::new(disturbed, of_filter), lists_out, filtered_in, clock, shutdown, &metrics[3])
+        });
+        run(End, filtered_out, Nowhere, clock, shutdown, &metrics[4]).unwrap();
+    });
+    assert_eq!(metrics.each_ref().map(|metrics| metrics.frames.get()), [FRAMES; 5]);
+    counts
+}
+
+/// A filter that does something else in every step too.
+struct Disturbed {
+    stage: Filter,
+    disturb: fn(&mut Vec<Vec<u8>>),
+    taken: Vec<Vec<u8>>,
+}
+
+impl Stage for Disturbed {
+    type Input = LightList;
+    type Output = LightList;
+
+    fn step(&mut self, input: &LightList, output: &mut LightList) -> Result<Flow> {
+        (self.disturb)(&mut self.taken);
+        self.stage.step(input, output)
+    }
+}
+
+#[test]
+fn a_frame_in_the_steady_state_allocates_nothing() {
+    for sampler in [Sampler::Persistent, Sampler::Refined, Sampler::EqualPower] {
+        let counts = allocations(sampler, |_| ());
+        println!("{sampler:?}, {} frames, calibrate, light, filter: {counts:?}", FRAMES - WARM_UP);
+        for count in counts {
+            assert_eq!(count.in_steps, 0, "{sampler:?}: {counts:?}");
+            assert!(count.in_loop_and_links <= FIRST_WAITS, "{sampler:?}: {counts:?}");
+        }
+    }
+}
+
+#[test]
+fn one_allocation_a_frame_is_seen() {
+    let counts = allocations(Sampler::Persistent, |taken| taken.push(vec![1]));
+    assert_eq!(counts.map(|count| count.in_steps), [0, 0, FRAMES - WARM_UP]);
+}

@@ -1,0 +1,89 @@
+use crate::recording::{lightcast, lists, stderr};
+use lightcast::camera::{Calibration, Lens, LensParameters, Response, ResponseModel};
+use lightcast::image::{Frame, Pixels, write_png16};
+use std::fs;
+use std::process::Output;
+use tempfile::TempDir;
+
+const SIDE: usize = 64;
+
+/// Ten frames of sensor codes through a lens that looks up: a lamp 30 degrees from the axis, towards +X.
+fn fisheye(calibrated_side: usize, response: Response) -> (TempDir, Output) {
+    let folder = tempfile::tempdir().unwrap();
+    let focal_px = 20.0;
+    let lamp_column = (SIDE as f64 / 2.0 + focal_px * 30f64.to_radians()) as usize;
+    for number in 0..10 {
+        let mut codes = vec![100; SIDE * SIDE];
+        codes[SIDE / 2 * SIDE + lamp_column] = 60_000;
+        let frame = Frame {
+            width: SIDE,
+            height: SIDE,
+            channels: 1,
+            pixels: Pixels::Codes(codes),
+            ..Frame::default()
+        };
+        write_png16(&folder.path().join(format!("eye.{number:02}.png")), &frame).unwrap();
+    }
+    let lens = Lens::new(LensParameters {
+        width: calibrated_side,
+        height: calibrated_side,
+        fx: focal_px,
+        fy: focal_px,
+        cx: calibrated_side as f64 / 2.0,
+        cy: calibrated_side as f64 / 2.0,
+        k: [0.0; 4],
+        field_of_view_rad: 3.1,
+    })
+    .unwrap();
+    let calibration = Calibration { lens, response, notes: Vec::new() };
+    fs::write(folder.path().join("lens.json"), calibration.to_json()).unwrap();
+    let configuration = folder.path().join("run.toml");
+    fs::write(
+        &configuration,
+        "[source]\nkind = \"sequence\"\npath = \"eye.##.png\"\nframe_rate_hz = 25\npace = \"fast\"\n\
+         [camera]\nprojection = \"fisheye\"\ncalibration = \"lens.json\"\n[lights]\ncount = 16\n",
+    )
+    .unwrap();
+    let output = lightcast().args(["run", "--config"]).arg(&configuration).output().unwrap();
+    (folder, output)
+}
+
+fn linear() -> Response {
+    Response::new(ResponseModel::Linear { black_level: 50, white_level: 50_000, gain: 1e-3 }).unwrap()
+}
+
+#[test]
+fn sensor_codes_through_a_lens_become_lights_where_the_lamp_is() {
+    let (_folder, output) = fisheye(SIDE, linear());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let found = lists(&output.stdout);
+    assert_eq!(found.len(), 10);
+    let lights = found[9]["lights"].as_array().unwrap();
+    let brightest = lights
+        .iter()
+        .max_by(|a, b| a["irradiance"][1].as_f64().unwrap().total_cmp(&b["irradiance"][1].as_f64().unwrap()))
+        .unwrap();
+    let [x, y, z] = [0, 1, 2].map(|axis| brightest["direction"][axis].as_f64().unwrap());
+    // Half a pixel is 1.4 degrees; the sky in the lamp's cell pulls little beside it.
+    let angle_deg = x.atan2(y).to_degrees();
+    assert!((angle_deg - 30.0).abs() < 3.0 && z.abs() < 0.05, "{x} {y} {z}: {angle_deg} degrees");
+    let summary = stderr(&output);
+    assert!(summary.contains("10 saturated"), "one pixel in each frame: {summary}");
+}
+
+#[test]
+fn a_calibration_for_another_size_is_refused_before_the_first_frame() {
+    let (_folder, output) = fisheye(32, linear());
+    let messages = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{messages}");
+    for words in ["lens.json", "32 x 32", "64 x 64", "eye.##.png"] {
+        assert!(messages.contains(words), "{words} is not in {messages}");
+    }
+}
+
+#[test]
+fn sensor_codes_without_a_response_are_refused_before_the_first_frame() {
+    let (_folder, output) = fisheye(SIDE, Response::default());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("no response"), "{}", stderr(&output));
+}

@@ -1,0 +1,54 @@
+use crate::recording::{lightcast, lists, panorama, stderr};
+use lightcast::image::write_exr;
+use std::path::Path;
+use std::process::Output;
+
+fn lights(map: &Path, options: &[&str]) -> Output {
+    lightcast().arg("lights").arg(map).args(options).output().unwrap()
+}
+
+#[test]
+fn lights_prints_one_list_of_the_whole_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = folder.path().join("sky.exr");
+    write_exr(&map, &panorama(64, 32, 1), None, false).unwrap();
+    for (options, count) in [
+        (&[][..], 64),
+        (&["--count", "17", "--sampler", "equal-power"], 17),
+        (&["--inversion", "standard", "--hemisphere"], 64),
+        (&["--resolution", "90x45"], 64),
+        (&["--resolution", "90x22", "--hemisphere", "--sampler", "refined"], 64),
+    ] {
+        let output = lights(&map, options);
+        assert!(output.status.success(), "{options:?}: {}", stderr(&output));
+        let found = lists(&output.stdout);
+        assert_eq!(found.len(), 1);
+        let list = &found[0];
+        assert_eq!((list["version"].as_u64(), list["sequence"].as_u64()), (Some(1), Some(0)));
+        let lights = list["lights"].as_array().unwrap();
+        assert_eq!(lights.len(), count, "{options:?}");
+        let sum: f64 = lights.iter().map(|light| light["irradiance"][1].as_f64().unwrap()).sum();
+        let power = list["power"][1].as_f64().unwrap();
+        assert!((sum / power - 1.0).abs() < 1e-4, "{options:?}: {sum} of {power}");
+        let is_upper = lights.iter().all(|light| light["direction"][1].as_f64().unwrap() >= 0.0);
+        if options.contains(&"--hemisphere") {
+            assert!(is_upper, "{options:?}");
+        } else if !options.contains(&"equal-power") {
+            // Equal-power lights may all stand in the sun.
+            assert!(!is_upper, "{options:?}");
+        }
+    }
+}
+
+#[test]
+fn lights_tells_what_is_wrong_and_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = folder.path().join("sky.exr");
+    let output = lights(&map, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("sky.exr"), "{}", stderr(&output));
+    write_exr(&map, &panorama(64, 32, 1), None, false).unwrap();
+    for options in [["--count", "0"], ["--resolution", "360"], ["--sampler", "best"]] {
+        assert_eq!(lights(&map, &options).status.code(), Some(2), "{options:?}");
+    }
+}

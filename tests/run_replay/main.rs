@@ -1,0 +1,11 @@
+//! The program on recorded sequences: same bytes on every run, bad files, wrong configurations, signals.
+#![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
+
+mod bad_frames;
+mod bundled;
+mod configuration;
+mod fisheye;
+mod lights;
+mod recording;
+mod repeatable;
+mod signals;
