@@ -192,11 +192,6 @@ impl Extractor {
         list.power = list.sum_of_lights();
     }
 
-    /// For every pixel, row-major, the slot of the light that the last frame gave it to; not used by equal power.
-    pub fn nearest(&self) -> &[u32] {
-        &self.nearest
-    }
-
     /// Puts the sites where the inverse transform of `importance(pixel)` takes the points.
     fn sample_sites(&mut self, map: &PolarMap, importance: impl Fn([f32; 3]) -> f32) {
         for (value, &pixel) in self.importance.iter_mut().zip(&map.pixels) {

@@ -7,8 +7,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 /// The map keeps ratios of areas, is continuous with its inverse, and turns concentric squares into concentric
 /// circles. Coordinates are clamped to the square; NaN counts as 0.
 pub fn disc_from_square(u: [f64; 2]) -> [f64; 2] {
-    // max(0) comes first: it turns NaN into 0, which clamp would pass on.
-    let [a, b] = u.map(|x| 2.0 * x.max(0.0).min(1.0) - 1.0);
+    let [a, b] = u.map(|x| 2.0 * clamped(x, 1.0) - 1.0);
     let (r, phi) = if a.abs() > b.abs() {
         (a, FRAC_PI_4 * (b / a))
     } else if b != 0.0 {
@@ -25,8 +24,7 @@ pub fn disc_from_square(u: [f64; 2]) -> [f64; 2] {
 /// Point of the unit square for `[r, phi]` of the unit disc, phi in [0, 2 pi): the inverse of
 /// [`disc_from_square`]. Values outside are clamped; NaN counts as 0.
 pub fn square_from_disc([r, phi]: [f64; 2]) -> [f64; 2] {
-    let r = r.max(0.0).min(1.0);
-    let phi = phi.max(0.0).min(TAU);
+    let (r, phi) = (clamped(r, 1.0), clamped(phi, TAU));
     // Quadrants are the four triangles of the square, each a quarter turn about an axis.
     let [a, b] = if phi < FRAC_PI_4 {
         [r, phi / FRAC_PI_4 * r]
@@ -40,6 +38,11 @@ pub fn square_from_disc([r, phi]: [f64; 2]) -> [f64; 2] {
         [r, (phi - TAU) / FRAC_PI_4 * r]
     };
     [a, b].map(|x| (0.5 * (x + 1.0)).clamp(0.0, 1.0))
+}
+
+/// Within [0, `most`]; NaN is 0, which `clamp` would pass on.
+fn clamped(x: f64, most: f64) -> f64 {
+    if x > 0.0 { x.min(most) } else { 0.0 }
 }
 
 #[cfg(test)]

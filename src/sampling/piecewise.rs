@@ -167,7 +167,7 @@ impl PiecewiseLinear {
 
 /// Clamped to [0, 1]; NaN is 0, which `clamp` would pass on.
 pub(super) fn unit(u: f64) -> f64 {
-    u.max(0.0).min(1.0)
+    if u > 0.0 { u.min(1.0) } else { 0.0 }
 }
 
 /// Index of the interval of ascending `edges` that holds `x`; beyond the ends the first or the last.

@@ -66,9 +66,9 @@ impl Rows {
     }
 }
 
-/// Finite and not negative.
+/// Finite and not negative; NaN is 0, which `clamp` would pass on.
 fn clean(value: f32) -> f64 {
-    f64::from(value.max(0.0).min(f32::MAX))
+    f64::from(if value > 0.0 { value.min(f32::MAX) } else { 0.0 })
 }
 
 /// Distribution over azimuth on a ring between two rows, whose unnormalised CDFs are mixed linearly.
