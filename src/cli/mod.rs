@@ -3,6 +3,7 @@
 mod lights;
 mod messages;
 mod panorama;
+mod report;
 mod run;
 mod signals;
 mod synthesize;
@@ -31,6 +32,7 @@ enum Command {
     Run(run::Arguments),
     Lights(lights::Arguments),
     Synthesize(synthesize::Arguments),
+    Report(report::Arguments),
 }
 
 /// Runs the program; the exit code is 0 for done, 1 for failed, 2 for wrong usage or configuration.
@@ -41,6 +43,7 @@ pub fn main() -> ExitCode {
         Command::Run(arguments) => run::run(arguments),
         Command::Lights(arguments) => lights::run(arguments),
         Command::Synthesize(arguments) => synthesize::run(arguments),
+        Command::Report(arguments) => report::run(arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -12,10 +12,9 @@ pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> 
     let projection =
         Projection::LatLong { width: frame.width, height: frame.height, centres: attributes.latlong_centres };
     let mut map = PolarMap::black(shape);
-    let PixelCounts { nan, infinite, negative, .. } =
-        FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?
-            .apply(&frame, &Response::default(), &mut map)
-            .map_err(|error| error.with_kind(Kind::Failed).at(path.display()))?;
+    let PixelCounts { nan, infinite, negative, .. } = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?
+        .apply(&frame, &Response::default(), &mut map)
+        .map_err(|error| error.with_kind(Kind::Failed).at(path.display()))?;
     if nan + infinite + negative > 0 {
         let path = path.display();
         tracing::warn!("{path}: taken as black: {nan} pixels NaN, {infinite} infinite, {negative} negative");

@@ -1,3 +1,4 @@
+use super::messages::PROGRESS;
 use super::panorama::read_panorama;
 use crate::error::{Error, Result};
 use crate::report::{sequence_table, stills};
@@ -34,14 +35,15 @@ pub(super) struct Arguments {
 
 /// Prints as it measures, so that what is done is not lost when the rest is interrupted.
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}").expect("a template that is well formed");
-    let progress = ProgressBar::new(arguments.maps.len() as u64).with_style(style);
+    let style =
+        ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}").expect("a template that is well formed");
+    let progress = PROGRESS.add(ProgressBar::new(arguments.maps.len() as u64)).with_style(style);
     let mut rows = Vec::new();
     for path in &arguments.maps {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         progress.set_message(name.clone());
         let of_map = stills::measure(&read_panorama(path, stills::SHAPE)?)?;
-        if !progress.suspend(|| print(&stills::lines(&name, &of_map)))? {
+        if !PROGRESS.suspend(|| print(&stills::lines(&name, &of_map)))? {
             return Ok(());
         }
         rows.extend(of_map);
