@@ -3,10 +3,14 @@
 //! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is
 //! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.
 
+mod calibration;
 mod chart;
+mod document;
 mod footprints;
 mod frame_to_polar;
+mod kalibr_file;
 mod lens;
+mod opencv_file;
 mod overlap;
 mod pixel_counts;
 mod projection;
@@ -17,6 +21,7 @@ mod row_kernels;
 #[cfg(test)]
 mod energy_tests;
 
+pub use calibration::Calibration;
 pub use frame_to_polar::FrameToPolar;
 pub use lens::{Lens, LensParameters};
 pub use pixel_counts::PixelCounts;

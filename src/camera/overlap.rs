@@ -26,8 +26,8 @@ impl OverlapGrid {
     }
 
     /// Calls `emit(cell, solid_angle_sr)` for every pixel of the map that a closed polygon (first point =
-    /// last point, `integral z dphi` positive) overlaps, and returns the polygon's solid angle inside and
-    /// outside the map.
+    /// last point, `integral z dphi` positive) overlaps, and returns the polygon's solid angle, 0
+    /// where the map has none of it.
     ///
     /// Green's theorem cell by cell: the overlap with a cell between z_low and z_high is the integral of
     /// `clamp(z, z_low, z_high) - z_low` over the boundary's dphi inside the cell's columns. Every boundary
@@ -88,7 +88,9 @@ impl OverlapGrid {
             if self.window[index] > self.window[largest] {
                 largest = index;
             }
-            if self.window[index] < SLIVER * total_sr {
+            let row = top + index / width;
+            let cell_sr = (self.z_edges[row] - self.z_edges[row + 1]) / per_radian;
+            if self.window[index] < (SLIVER * total_sr).min(SLIVER_OF_CELL * cell_sr) {
                 slivers += self.window[index];
                 self.window[index] = 0.0;
             }
@@ -115,8 +117,11 @@ impl OverlapGrid {
     }
 }
 
-/// Overlaps below this fraction of a pixel are rounding, not light: 1e-9 of a sun of 1e6 is 1e-3.
+/// Overlaps below this fraction of the frame's pixel are rounding, not light: 1e-9 of a sun of 1e6 is 1e-3;
 const SLIVER: f64 = 1e-9;
+
+/// provided that they are nothing to the map's pixel either, which may be far smaller than the frame's.
+const SLIVER_OF_CELL: f64 = 1e-6;
 
 /// Mean of `clamp(z, 0, height)` for z going linearly from a to b.
 fn mean_above(a: f64, b: f64, height: f64) -> f64 {
