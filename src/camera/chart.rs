@@ -35,13 +35,9 @@ pub(super) fn turn_rad(from_rad: f64, to_rad: f64) -> f64 {
 
 /// Appends a point, unwrapping its phi against the last one.
 pub(super) fn push_point(points: &mut Vec<ChartPoint>, phi_rad: f64, z: f64) {
-    match points.last() {
-        Some(last) if last[0] == phi_rad && last[1] == z => {}
-        Some(last) => {
-            let phi_rad = last[0] + turn_rad(last[0], phi_rad);
-            points.push([phi_rad, z]);
-        }
-        None => points.push([phi_rad, z]),
+    let phi_rad = points.last().map_or(phi_rad, |last| last[0] + turn_rad(last[0], phi_rad));
+    if points.last() != Some(&[phi_rad, z]) {
+        points.push([phi_rad, z]);
     }
 }
 

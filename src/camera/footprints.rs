@@ -37,6 +37,13 @@ impl EdgeLine {
         let start = index.checked_sub(1).map_or(0, |before| self.edges[before].points_end);
         &self.points[start..self.edges[index].points_end]
     }
+
+    /// Appends a copy of the first edge.
+    fn repeat_first(&mut self) {
+        let Some(&first) = self.edges.first() else { return };
+        self.points.extend_from_within(..first.points_end);
+        self.edges.push(Edge { points_end: self.points.len(), ..first });
+    }
 }
 
 /// A corner inside the field of view.
@@ -88,8 +95,12 @@ impl<'a> Footprints<'a> {
             upright.points.clear();
             upright.edges.clear();
             for column in 0..=columns {
-                let corners = [corners_above[column], corners_below[column]];
-                self.edge([column, row], [column, line], corners, &mut upright);
+                if column == columns && self.closes_round() {
+                    upright.repeat_first();
+                } else {
+                    let corners = [corners_above[column], corners_below[column]];
+                    self.edge([column, row], [column, line], corners, &mut upright);
+                }
             }
             for column in 0..columns {
                 self.outline([column, row], &above, &below, &upright, &mut polygon);
@@ -98,6 +109,11 @@ impl<'a> Footprints<'a> {
                 }
             }
         }
+    }
+
+    /// Whether the first and the last line of the lattice are the same on the sphere.
+    fn closes_round(&self) -> bool {
+        matches!(self.projection, Projection::LatLong { .. })
     }
 
     /// Frame position of a lattice point.
@@ -109,6 +125,10 @@ impl<'a> Footprints<'a> {
     fn corners(&mut self, line: usize, columns: usize, corners: &mut Vec<Option<Corner>>) {
         corners.clear();
         for column in 0..=columns {
+            if column == columns && self.closes_round() {
+                corners.push(corners[0]);
+                continue;
+            }
             let position = self.position([column, line]);
             let inside = match self.projection {
                 Projection::LatLong { .. } => true,

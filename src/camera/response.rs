@@ -70,7 +70,7 @@ impl Response {
         let (black_clip_code, saturation_code) = match &model {
             ResponseModel::Identity => return Ok(Self::default()),
             ResponseModel::Logarithmic { a, b, black_clip_code, saturation_code } => {
-                if !a.is_finite() || !(b.is_finite() && *b > 0.0) {
+                if !(a.is_finite() && b.is_finite() && *b > 0.0) {
                     return Err(Error::usage(format!(
                         "response logarithmic: a {a} must be finite and b {b} positive"
                     )));
@@ -84,11 +84,9 @@ impl Response {
                 (*black_level, *white_level)
             }
             ResponseModel::PiecewiseLinear { knees } => {
-                let rising = knees.len() >= 2
-                    && knees.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1);
+                let rising = knees.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1);
                 let sound = knees.iter().all(|knee| knee.1.is_finite() && knee.1 >= 0.0);
-                let (Some(first), Some(last), true, true) = (knees.first(), knees.last(), rising, sound)
-                else {
+                let (true, true, [first, .., last]) = (rising, sound, knees.as_slice()) else {
                     return Err(Error::usage(
                         "response piecewise-linear: knees must be at least two pairs of code and radiance, \
                          both strictly increasing, radiance finite and not negative",
