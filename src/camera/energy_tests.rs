@@ -1,13 +1,13 @@
-//! Energy and constancy through response, lens and polar map: METHODS sections 4 and 10.
+//! Energy and constancy through response, lens and polar map (METHODS section 4), by random suns and rotations.
 
 use super::{FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
-use crate::image::{Frame, LatLongCentres, Pixels, PolarMap, PolarShape, Stamp};
+use crate::image::{Frame, Pixels, PolarMap, PolarShape, Stamp};
 use crate::math::fibonacci_sphere;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
-const SUN: f32 = 1e6;
-const DARK: f32 = 0.01;
+pub(super) const SUN: f32 = 1e6;
+pub(super) const DARK: f32 = 0.01;
 
 /// A generator of numbers in [0, 1) with a fixed seed (xorshift).
 struct Random(u64);
@@ -28,7 +28,7 @@ impl Random {
     }
 }
 
-fn lens(width: usize, height: usize, field_of_view_deg: f64) -> Lens {
+pub(super) fn lens(width: usize, height: usize, field_of_view_deg: f64) -> Lens {
     let k = [0.01, -0.003, 0.0004, -0.00002];
     let theta = 0.5 * field_of_view_deg.to_radians();
     let f = 0.49 * width.min(height) as f64 / radius(k, theta);
@@ -51,7 +51,12 @@ fn radius(k: [f64; 4], theta: f64) -> f64 {
 
 /// Solid angle of the part of a lens's pixel that is seen and whose world direction `keep` accepts: the
 /// integral of `sin(theta) / (r r') dx dy / (fx fy)` by the midpoint rule, without any polygon.
-fn pixel_solid_angle(lens: &Lens, pixel: [usize; 2], steps: usize, keep: impl Fn(DVec3) -> bool) -> f64 {
+pub(super) fn pixel_solid_angle(
+    lens: &Lens,
+    pixel: [usize; 2],
+    steps: usize,
+    keep: impl Fn(DVec3) -> bool,
+) -> f64 {
     let p = lens.parameters();
     let mut sum = 0.0;
     for i in 0..steps * steps {
@@ -68,22 +73,22 @@ fn pixel_solid_angle(lens: &Lens, pixel: [usize; 2], steps: usize, keep: impl Fn
 }
 
 /// A 16-bit logarithmic sensor on which `DARK` and `SUN` are whole codes.
-fn logarithmic() -> Response {
+pub(super) fn logarithmic() -> Response {
     let b = 60_000.0 / f64::from(SUN / DARK).ln();
     let a = 1000.0 - b * f64::from(DARK).ln();
     Response::new(ResponseModel::Logarithmic { a, b, black_clip_code: 0, saturation_code: 65_535 }).unwrap()
 }
 
-fn frame(width: usize, height: usize, channels: usize, pixels: Pixels) -> Frame {
+pub(super) fn frame(width: usize, height: usize, channels: usize, pixels: Pixels) -> Frame {
     let stamp = Stamp { sequence: 5, capture_time_ns: 7, lost_before: 1, frame_rate_hz: 25.0 };
     Frame { stamp, width, height, channels, pixels }
 }
 
-fn raw(width: usize, height: usize, response: &Response, radiance: f32) -> Frame {
+pub(super) fn raw(width: usize, height: usize, response: &Response, radiance: f32) -> Frame {
     frame(width, height, 1, Pixels::Codes(vec![response.encode(radiance); width * height]))
 }
 
-fn set(frame: &mut Frame, pixel: [usize; 2], response: &Response, radiance: f32) {
+pub(super) fn set(frame: &mut Frame, pixel: [usize; 2], response: &Response, radiance: f32) {
     let index = pixel[1] * frame.width + pixel[0];
     match &mut frame.pixels {
         Pixels::Codes(codes) => codes[index] = response.encode(radiance),
@@ -144,12 +149,13 @@ fn worst_errors(lens: &Lens, shape: PolarShape, rotations: usize, suns: usize, s
     let mut picture = raw(width, height, &response, DARK);
     let (mut map, mut looked_up) = (PolarMap::black(shape), PolarMap::black(shape));
     let lowest = shape.theta_max_rad.cos();
+    let mut seen = 0;
     for turn in 0..rotations {
-        let rotation = if turn == 0 { LOOKING_UP } else { random.rotation() };
+        // One upright camera among the turned ones.
+        let rotation = if turn == 0 && shape.theta_max_rad < PI { LOOKING_UP } else { random.rotation() };
         let mut matrix = FrameToPolar::new(&Projection::Fisheye(*lens), rotation, shape).unwrap();
 
         matrix.apply(&picture, &response, &mut map).unwrap();
-        let mut seen = 0;
         for row in 0..shape.rows {
             for column in 0..shape.columns {
                 if sees_whole(lens, rotation.transpose(), shape, row, column) {
@@ -159,7 +165,6 @@ fn worst_errors(lens: &Lens, shape: PolarShape, rotations: usize, suns: usize, s
                 }
             }
         }
-        assert!(turn > 0 || seen > shape.len() / 3, "{seen} map pixels are seen");
 
         // The dark room: at most 3 % of the power, so counted points are enough.
         let points = 20_000;
@@ -201,6 +206,8 @@ fn worst_errors(lens: &Lens, shape: PolarShape, rotations: usize, suns: usize, s
             }
         }
     }
+    // A camera that looks down sees little of a hemisphere.
+    assert!(seen > rotations * shape.len() / 5, "{seen} map pixels were seen whole");
     worst
 }
 
@@ -233,17 +240,17 @@ fn check_energy(width: usize, height: usize, rotations: [usize; 2], suns: usize)
 
 #[test]
 fn sun_and_constant_frame_keep_their_energy_at_640_x_480() {
-    check_energy(640, 480, [8, 4], 25);
+    check_energy(640, 480, [5, 3], 40);
 }
 
 #[test]
 fn sun_and_constant_frame_keep_their_energy_at_1024_x_1024() {
-    check_energy(1024, 1024, [4, 3], 25);
+    check_energy(1024, 1024, [2, 2], 40);
 }
 
 #[test]
 fn sun_and_constant_frame_keep_their_energy_at_2880_x_2880() {
-    check_energy(2880, 2880, [2, 1], 10);
+    check_energy(2880, 2880, [1, 1], 20);
 }
 
 /// Maps a raw frame with a sun on the given pixels through a lens, and compares the power with the pixels'

@@ -288,10 +288,11 @@ fn append_polyline(polygon: &mut Vec<ChartPoint>, points: &[ChartPoint], backwar
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
     let start = if backwards { last } else { first };
     push_point(polygon, start[0], start[1]);
-    let shift = polygon.last().map_or(0.0, |p| {
-        // A whole number of turns, without the rounding of the sum.
-        ((p[0] - start[0]) / TAU).round() * TAU
-    });
+    // A whole number of turns, without the rounding of the sum; nearly always none.
+    let shift = match polygon.last().map_or(0.0, |p| p[0] - start[0]) {
+        shift if shift.abs() < 1.0 => 0.0,
+        shift => (shift / TAU).round() * TAU,
+    };
     debug_assert!(polygon.last().is_none_or(|p| turn_rad(p[0], start[0]).abs() < 1e-9));
     let place = |p: &ChartPoint| [p[0] + shift, p[1]];
     if backwards {

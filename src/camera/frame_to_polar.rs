@@ -12,7 +12,7 @@
 
 use super::footprints::Footprints;
 use super::overlap::OverlapGrid;
-use super::row_kernels::{CHUNKS_MAX, LANES, Run, add_runs, decode_codes, decode_radiance};
+use super::row_kernels::{CHUNKS_MAX, LANES, Run, ShortRuns, add_runs, decode_codes, decode_radiance};
 use super::{PixelCounts, Projection, Response};
 use crate::error::{Error, Result};
 use crate::image::{Frame, Pixels, PolarMap, PolarShape};
@@ -44,6 +44,7 @@ struct RowEnds {
     spans: usize,
     runs: usize,
     weights: usize,
+    short: ShortRuns,
 }
 
 /// Overlap of one pixel of the current row with one map pixel.
@@ -114,6 +115,7 @@ impl FrameToPolar {
             }
             same
         });
+        let mut runs: Vec<&[Overlap]> = Vec::new();
         let mut rest = overlaps.as_slice();
         while let Some(first) = rest.first() {
             let length = rest
@@ -125,12 +127,21 @@ impl FrameToPolar {
                 })
                 .count();
             let (run, after) = rest.split_at(length);
+            runs.push(run);
             rest = after;
+        }
+        // Stable: runs of one length stay in the map's order.
+        runs.sort_by_key(|run| run.len().div_ceil(LANES));
+        let mut short = ShortRuns::default();
+        for run in runs {
+            let first = run[0];
             let solid_angle_sr = self.shape.pixel_solid_angle(first.cell as usize / self.shape.columns);
             self.weights.extend(run.iter().map(|overlap| (overlap.solid_angle_sr / solid_angle_sr) as f32));
             // Filled up with zeros: they meet pixels of the row or the fill behind it, all finite.
             self.weights.resize(self.weights.len().next_multiple_of(LANES), 0.0);
-            let chunks = length.div_ceil(LANES) as u16;
+            let chunks = run.len().div_ceil(LANES) as u16;
+            short.of_one += usize::from(chunks == 1);
+            short.of_two += usize::from(chunks == 2);
             self.runs.push(Run { cell: first.cell, start: first.column, chunks });
         }
         let first_span = self.spans.len();
@@ -145,6 +156,7 @@ impl FrameToPolar {
             spans: self.spans.len(),
             runs: self.runs.len(),
             weights: self.weights.len(),
+            short,
         });
     }
 
@@ -204,6 +216,7 @@ impl FrameToPolar {
             for channel in 0..channels {
                 add_runs(
                     &self.runs[start.runs..end.runs],
+                    end.short,
                     &self.weights[start.weights..end.weights],
                     &self.radiance[channel * stride..(channel + 1) * stride],
                     &mut self.sums[channel * cells..(channel + 1) * cells],

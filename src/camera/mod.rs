@@ -20,6 +20,8 @@ mod row_kernels;
 
 #[cfg(test)]
 mod energy_tests;
+#[cfg(test)]
+mod hard_case_tests;
 
 pub use calibration::Calibration;
 pub use frame_to_polar::FrameToPolar;

@@ -1,9 +1,10 @@
 use super::*;
 use crate::error::Kind;
 use crate::image::{PolarMap, PolarShape};
+use crate::light::error::NORMAL_COUNT;
 use crate::light::measure::{Emitters, relative_rms};
 use crate::light::{Extractor, Light, MapIrradiance, Options};
-use crate::math::{angle_between, direction, fibonacci_sphere};
+use crate::math::{angle_between, direction};
 
 fn stamp(t: usize, rate: f64) -> Stamp {
     Stamp {
@@ -23,11 +24,8 @@ fn list(t: usize, rate: f64, lights: Vec<Light>) -> LightList {
     let mut list = LightList::default();
     (list.stamp, list.lights) = (stamp(t, rate), lights);
     list.power = list.sum_of_lights();
-    // The estimator's normals: 150 and their opposites.
-    let emitters = Emitters::from_lights(&list.lights);
-    let normals = || fibonacci_sphere(300).take(150);
-    list.reference_irradiance =
-        normals().chain(normals().map(|n| -n)).map(|n| emitters.irradiance(n) as f32).collect();
+    let irradiances = Emitters::from_lights(&list.lights).irradiances(NORMAL_COUNT);
+    list.reference_irradiance = irradiances.into_iter().map(|value| value as f32).collect();
     list
 }
 
