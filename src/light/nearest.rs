@@ -14,7 +14,7 @@ use std::ops::Range;
 const LANES: usize = 16;
 
 /// Angular size of a block. Larger blocks keep more candidates for every pixel, smaller ones look at all sites more
-/// often; of 3 to 12 degrees this was the fastest at 300 sites.
+/// often; at 8 degrees, 300 sites and 360 x 90 pixels both cost about the same.
 const BLOCK_SIZE_RAD: f64 = 8.0 * TAU / 360.0;
 
 /// By how much more than the bound a site must lose to be ruled out for a block. It then loses by at least 0.7 of this
