@@ -113,7 +113,9 @@ impl PiecewiseLinear {
     /// `c = h (a x + (b - a) x^2 / 2)`. Of the two forms of the root, the one with the square root in the
     /// denominator has no cancellation and needs no case for a = b:
     ///
-    ///     x = 2 (c/h) / (a + sqrt(a^2 + 2 (b - a) c/h))
+    /// ```text
+    /// x = 2 (c/h) / (a + sqrt(a^2 + 2 (b - a) c/h))
+    /// ```
     pub fn sample(&self, u: f64) -> f64 {
         let (u, total) = (unit(u), self.integral());
         let (first, last) = (self.nodes[0], self.nodes[self.nodes.len() - 1]);

@@ -6,7 +6,9 @@
 //! hand-over makes one light overshoot as far as the other undershoots, and only together they are right. What the
 //! group cannot pay at once stays as its *debt* d. With Y the sum of the y_i, the group's output is, in general,
 //!
-//!     out(t) = Y(t) - d(t - 1),        d(t) = d(t - 1) + out(t) - Y(t),
+//! ```text
+//! out(t) = Y(t) - d(t - 1),        d(t) = d(t - 1) + out(t) - Y(t),
+//! ```
 //!
 //! within two limits that keep the cost of a flash with the flash. Each light's window is split into its least
 //! value b_i, the steady part, and the excess over it.
