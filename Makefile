@@ -25,7 +25,7 @@ test: system-packages
 	cargo test $(CARGO_FLAGS)
 
 bench: system-packages
-	cargo bench $(CARGO_FLAGS)
+	cargo bench $(CARGO_FLAGS) --bench steps
 
 tables: system-packages
 	cargo run $(CARGO_FLAGS) --release -- report $(DATA)/env/*_1k.hdr \

@@ -1,0 +1,184 @@
+//! The time of every step, beside the published figures (METHODS section 11) and, for calibration, beside the time to
+//! read the same bytes once. `make bench` runs all and prints the table; `cargo bench --bench steps -- NAME` runs those whose name
+//! contains NAME.
+//!
+//! Everything runs on one thread. The surroundings are a sky with clouds, a small sun and lamps; what radiances are
+//! does not change the work of calibration and tables, and that of the rest only through where the lights crowd.
+
+mod scene;
+mod table;
+
+use criterion::{BatchSize, Criterion};
+use lightcast::camera::{FrameToPolar, LOOKING_UP, Projection};
+use lightcast::image::{PolarMap, PolarShape, luminance};
+use lightcast::light::error::ListError;
+use lightcast::light::{Extractor, LightList, MapIrradiance, NearestSites, Options};
+use lightcast::sampling::{Bicontinuous, Standard, sample_points};
+use lightcast::temporal::{FilterOptions, LightFilter};
+use std::hint::black_box;
+use std::time::Duration;
+
+/// Lights of every list, as in the paper's figures.
+const LIGHTS: usize = 300;
+
+fn main() {
+    let mut criterion = Criterion::default()
+        .measurement_time(Duration::from_secs(3))
+        .warm_up_time(Duration::from_secs(1))
+        .sample_size(50)
+        .configure_from_args();
+    let mut table = table::Table::default();
+    for shape in [PolarShape::hemisphere(360, 90), PolarShape::hemisphere(1440, 360)] {
+        for size in [(640, 480), (2880, 2880)] {
+            calibrate(&mut criterion, &mut table, size, shape);
+        }
+    }
+    for shape in [PolarShape::hemisphere(360, 90), PolarShape::hemisphere(1440, 360)] {
+        lights(&mut criterion, &mut table, shape);
+    }
+    whole(&mut criterion, &mut table);
+    criterion.final_summary();
+    table.print();
+}
+
+fn name_of(shape: PolarShape) -> String {
+    format!("{}x{}", shape.columns, shape.rows)
+}
+
+/// Raw frame to polar map, and the reading of as many bytes.
+fn calibrate(
+    criterion: &mut Criterion,
+    table: &mut table::Table,
+    (width, height): (usize, usize),
+    shape: PolarShape,
+) {
+    let (lens, response) = (scene::lens(width, height), scene::response());
+    let mut matrix =
+        FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).expect("lens and map are sound");
+    let frame = scene::raw_frame(&lens, &response, 0);
+    let mut map = PolarMap::black(shape);
+    let bytes = matrix.streamed_bytes() + 2 * width * height;
+    let words = vec![1u64; bytes / 8];
+    let name = format!("{width}x{height} to {}", name_of(shape));
+
+    let mut group = criterion.benchmark_group("calibrate");
+    group.bench_function(&name, |bencher| {
+        bencher.iter(|| matrix.apply(black_box(&frame), &response, &mut map).expect("frames match"));
+    });
+    group.bench_function(format!("{name}, reading only"), |bencher| {
+        bencher.iter(|| scene::read(black_box(&words)));
+    });
+    group.finish();
+    let published = (shape.columns == 360).then_some("grab and map < 1 ms");
+    table.row("calibrate", &name, published, String::new());
+    table.row("calibrate", &format!("{name}, reading only"), None, format!("{:.1} MB", bytes as f64 / 1e6));
+}
+
+/// The steps from polar map to list.
+fn lights(criterion: &mut Criterion, table: &mut table::Table, shape: PolarShape) {
+    let name = name_of(shape);
+    let map = scene::map(shape);
+    let values: Vec<f32> = map.pixels.iter().map(|&pixel| luminance(pixel)).collect();
+    let z = |row: f64| 2.0 * (0.5 * shape.theta_max_rad * row / shape.rows as f64).sin().powi(2);
+    let edges: Vec<f64> = (0..=shape.rows).map(|row| z(row as f64)).collect();
+    let centres: Vec<f64> = (0..shape.rows).map(|row| z(row as f64 + 0.5)).collect();
+    let mut standard = Standard::new(shape.columns, &edges);
+    let mut bicontinuous = Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64));
+    let points = sample_points(LIGHTS, 4);
+    let mut extractor =
+        Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
+    let mut list = LightList::default();
+    extractor.step(&map, &mut list);
+    let sites: Vec<[f32; 3]> = list.lights.iter().map(|light| light.direction).collect();
+    let mut nearest_sites = NearestSites::new(shape, LIGHTS);
+    let mut nearest = vec![0; shape.len()];
+    let (mut irradiance, mut reference) = (MapIrradiance::new(shape), Vec::new());
+    let (mut list_error, mut prefix_errors) = (ListError::new(), Vec::new());
+
+    let mut group = criterion.benchmark_group(&name);
+    group.bench_function("CDFs, standard", |bencher| bencher.iter(|| standard.update(black_box(&values))));
+    group.bench_function("CDFs, bicontinuous", |bencher| {
+        bencher.iter(|| bicontinuous.update(black_box(&values)));
+    });
+    group.bench_function("300 samples, standard", |bencher| {
+        bencher.iter(|| points.iter().map(|&u| standard.sample(black_box(u))[0]).sum::<f64>());
+    });
+    group.bench_function("300 samples, bicontinuous", |bencher| {
+        bencher.iter(|| points.iter().map(|&u| bicontinuous.sample(black_box(u))[0]).sum::<f64>());
+    });
+    group.bench_function("nearest of 300 sites", |bencher| {
+        bencher.iter(|| nearest_sites.assign(black_box(&sites), &mut nearest));
+    });
+    group.bench_function("assignment and refinement", |bencher| {
+        bencher.iter(|| extractor.extract(black_box(&map), &mut list));
+    });
+    group.bench_function("error estimate, map", |bencher| {
+        bencher.iter(|| irradiance.reference(black_box(&map), &mut reference));
+    });
+    irradiance.reference(&map, &mut reference);
+    group.bench_function("error estimate, list and prefixes", |bencher| {
+        bencher.iter(|| list_error.prefix_errors(black_box(&list.lights), &reference, &mut prefix_errors));
+    });
+    group.finish();
+
+    let paper = |figure: &'static str| (shape.columns == 360).then_some(figure);
+    let error = format!("error {:.5}", list_error.relative_error(&list.lights, &reference));
+    table.row(&name, "CDFs, standard", None, String::new());
+    table.row(&name, "CDFs, bicontinuous", paper("CDFs and power < 2 ms"), String::new());
+    table.row(&name, "300 samples, standard", None, String::new());
+    table.row(&name, "300 samples, bicontinuous", paper("410 a ms: 0.73 ms"), String::new());
+    table.row(&name, "nearest of 300 sites", None, String::new());
+    table.row(&name, "assignment and refinement", None, error);
+    table.row(&name, "error estimate, map", None, String::new());
+    table.row(&name, "error estimate, list and prefixes", None, String::new());
+}
+
+/// The filter, and all steps from a raw frame to the list that leaves.
+fn whole(criterion: &mut Criterion, table: &mut table::Table) {
+    let shape = PolarShape::hemisphere(360, 90);
+    let (lens, response) = (scene::lens(640, 480), scene::response());
+    let frames: Vec<_> = (0..16).map(|time| scene::raw_frame(&lens, &response, time)).collect();
+    let mut matrix =
+        FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).expect("lens and map are sound");
+    let mut extractor =
+        Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
+    let mut filter = LightFilter::new(&FilterOptions::default()).expect("sound options");
+    let (mut map, mut list, mut filtered) =
+        (PolarMap::black(shape), LightList::default(), LightList::default());
+    let mut time = 0u64;
+    let mut step = |filtered: &mut LightList| {
+        matrix.apply(&frames[time as usize % frames.len()], &response, &mut map).expect("frames match");
+        map.stamp = scene::stamp(time);
+        extractor.step(&map, &mut list);
+        filter.step(&list, filtered).expect("a rate that a filter can be made for");
+        time += 1;
+    };
+    let mut group = criterion.benchmark_group("whole");
+    group.bench_function("raw 640x480 to 300 filtered persistent lights", |bencher| {
+        bencher.iter(|| step(black_box(&mut filtered)));
+    });
+    let (mut filter, mut after) =
+        (LightFilter::new(&FilterOptions::default()).expect("sound options"), LightList::default());
+    let mut lists: Vec<LightList> = (0..16).map(|_| filtered.clone()).collect();
+    let mut time = 0u64;
+    group.bench_function("filter of 300 lights, its error included", |bencher| {
+        bencher.iter_batched_ref(
+            || {
+                time += 1;
+                let list = &mut lists[time as usize % 16];
+                list.stamp = scene::stamp(time);
+                list.clone()
+            },
+            |list| filter.step(black_box(list), &mut after).expect("a rate that a filter can be made for"),
+            BatchSize::SmallInput,
+        );
+    });
+    group.finish();
+    table.row("whole", "filter of 300 lights, its error included", Some("210 lights 1 ms"), String::new());
+    table.row(
+        "whole",
+        "raw 640x480 to 300 filtered persistent lights",
+        Some("map to clustered lights < 5 ms"),
+        format!("error {:.5}", filtered.error),
+    );
+}
