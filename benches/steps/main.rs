@@ -93,7 +93,7 @@ fn lights(criterion: &mut Criterion, table: &mut table::Table, shape: PolarShape
     let mut nearest_sites = NearestSites::new(shape, LIGHTS);
     let mut nearest = vec![0; shape.len()];
     let (mut irradiance, mut reference) = (MapIrradiance::new(shape), Vec::new());
-    let (mut list_error, mut prefix_errors) = (ListError::new(), Vec::new());
+    let mut list_error = ListError::new();
 
     let mut group = criterion.benchmark_group(&name);
     group.bench_function("CDFs, standard", |bencher| bencher.iter(|| standard.update(black_box(&values))));
@@ -115,14 +115,13 @@ fn lights(criterion: &mut Criterion, table: &mut table::Table, shape: PolarShape
     group.bench_function("error estimate, map", |bencher| {
         bencher.iter(|| irradiance.reference(black_box(&map), &mut reference));
     });
-    irradiance.reference(&map, &mut reference);
     group.bench_function("error estimate, list and prefixes", |bencher| {
-        bencher.iter(|| list_error.prefix_errors(black_box(&list.lights), &reference, &mut prefix_errors));
+        bencher.iter(|| list_error.measure(black_box(&mut list)));
     });
     group.finish();
 
     let paper = |figure: &'static str| (shape.columns == 360).then_some(figure);
-    let error = format!("error {:.5}", list_error.relative_error(&list.lights, &reference));
+    let error = format!("error {:.5}", list.error);
     table.row(&name, "CDFs, standard", None, String::new());
     table.row(&name, "CDFs, bicontinuous", paper("CDFs and power < 2 ms"), String::new());
     table.row(&name, "300 samples, standard", None, String::new());

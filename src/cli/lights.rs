@@ -1,6 +1,7 @@
 use super::panorama::read_panorama;
 use crate::error::{Error, Result};
 use crate::image::PolarShape;
+use crate::light::error::ListError;
 use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
 use clap::ValueEnum;
 use std::io::{self, ErrorKind};
@@ -99,6 +100,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     };
     let mut list = LightList::default();
     Extractor::new(map.shape, &options)?.step(&map, &mut list);
+    ListError::new().measure(&mut list);
     match list.write_json_line(io::stdout().lock()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Error::failed("standard output cannot be written").because(error))

@@ -4,7 +4,7 @@
 //! With `max(0, c) = (c + |c|) / 2` the irradiance at a normal n is `(S(n) + n . V) / 2`, where `V = sum f w` and
 //! `S(n) = sum f |n . w|`.
 
-use super::{Light, prefix};
+use super::{Light, LightList, prefix};
 use crate::math::fibonacci_sphere;
 use glam::Vec3;
 use multiversion::multiversion;
@@ -110,6 +110,12 @@ impl ListError {
         Self { normals: NormalSphere::new(), contributions: Vec::new(), short: Vec::new() }
     }
 
+    /// Fills in the error and the prefix errors of a list whose lights and reference irradiances stand.
+    pub fn measure(&mut self, list: &mut LightList) {
+        self.prefix_errors(&list.lights, &list.reference_irradiance, &mut list.prefix_errors);
+        list.error = list.prefix_errors.last().map_or(0.0, |&(_, error)| error);
+    }
+
     /// RMS over the normals of the irradiance of `lights` less `reference`, relative to the mean of `reference`
     /// (which is [`super::LightList::reference_irradiance`], luminous). Where the reference is dark, relative to
     /// the mean of the lights; 0 where both are. An empty reference gives 0. Never above `f32::MAX`.
@@ -133,7 +139,7 @@ impl ListError {
     }
 
     /// Errors of the prefixes of 8, 16, 32, ... lights and of the whole list, as pairs of length and error.
-    pub fn prefix_errors(&mut self, lights: &[Light], reference: &[f32], errors: &mut Vec<(u32, f32)>) {
+    fn prefix_errors(&mut self, lights: &[Light], reference: &[f32], errors: &mut Vec<(u32, f32)>) {
         errors.clear();
         let mut short = std::mem::take(&mut self.short);
         let mut count = 8;

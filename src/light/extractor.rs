@@ -1,5 +1,4 @@
 use super::equal_power::equal_power;
-use super::error::ListError;
 use super::nearest::NearestSites;
 use super::refine::Cells;
 use super::{Light, LightList, MapIrradiance};
@@ -80,7 +79,6 @@ pub struct Extractor {
     nearest: Vec<u32>,
     cells: Cells,
     map_irradiance: MapIrradiance,
-    list_error: ListError,
 }
 
 #[derive(Clone, Debug)]
@@ -142,11 +140,12 @@ impl Extractor {
             nearest: vec![0; shape.len()],
             cells: Cells::new(shape.columns, count),
             map_irradiance: MapIrradiance::new(shape),
-            list_error: ListError::new(),
         })
     }
 
-    /// Fills `list` with the lights of `map`: stamp, lights in slot order, their power, error and prefix errors.
+    /// Fills `list` with the lights of `map`: stamp, lights in slot order, their power, and the map's irradiances.
+    /// Its errors come last, by [`super::error::ListError::measure`]: the filter measures every list that it
+    /// lets out, so they are not worked out here only to be replaced.
     ///
     /// Equal-power lights keep the luminous power of the map, the others its RGB power. A map without light gives
     /// lights without power: towards uniform directions, or, persistent, where they were.
@@ -156,11 +155,9 @@ impl Extractor {
     pub fn step(&mut self, map: &PolarMap, list: &mut LightList) {
         self.extract(map, list);
         self.map_irradiance.reference(map, &mut list.reference_irradiance);
-        self.list_error.prefix_errors(&list.lights, &list.reference_irradiance, &mut list.prefix_errors);
-        list.error = list.prefix_errors.last().map_or(0.0, |&(_, error)| error);
     }
 
-    /// [`Self::step`] without the errors, which are left as they are.
+    /// [`Self::step`] without the map's irradiances, which are left as they are.
     ///
     /// # Panics
     /// If the map is not of this extractor's shape.

@@ -1,5 +1,6 @@
 //! Extractor on real and awkward maps: power, errors against METHODS' tables, degenerate input.
 
+use super::error::ListError;
 use super::measure::Reference;
 use super::test_maps::{hard_maps, real_maps};
 use super::{Extractor, Inversion, Light, LightList, Options, Sampler};
@@ -15,6 +16,7 @@ fn extract(map: &PolarMap, count: usize, sampler: Sampler, inversion: Inversion)
     let mut list = LightList::default();
     let options = Options { count, sampler, inversion, ..Options::default() };
     Extractor::new(map.shape, &options).unwrap().step(map, &mut list);
+    ListError::new().measure(&mut list);
     list
 }
 

@@ -257,14 +257,16 @@ mod tests {
         let lights = lights_by_blocks(&map, 15, 30);
         let mut reference = Vec::new();
         MapIrradiance::new(map.shape).reference(&map, &mut reference);
-        let mut errors = Vec::new();
         let mut estimator = ListError::new();
-        estimator.prefix_errors(&lights, &reference, &mut errors);
-        assert_eq!(errors.iter().map(|e| e.0).collect::<Vec<_>>(), [8, 16, 32, 64, 72]);
-        assert_eq!(errors[4].1, estimator.relative_error(&lights, &reference));
-        estimator.prefix_errors(&[], &reference, &mut errors);
-        assert_eq!(errors.len(), 1);
-        assert!(errors[0].1 >= 1.0, "no lights at all miss everything: {errors:?}");
+        let mut list = LightList::default();
+        (list.lights, list.reference_irradiance) = (lights, reference);
+        estimator.measure(&mut list);
+        assert_eq!(list.prefix_errors.iter().map(|e| e.0).collect::<Vec<_>>(), [8, 16, 32, 64, 72]);
+        assert_eq!(list.error, estimator.relative_error(&list.lights, &list.reference_irradiance));
+        list.lights.clear();
+        estimator.measure(&mut list);
+        assert_eq!(list.prefix_errors.len(), 1);
+        assert!(list.error >= 1.0, "no lights at all miss everything: {}", list.error);
     }
 
     #[test]
@@ -281,6 +283,7 @@ mod tests {
                     let options = Options { count, sampler, ..Options::default() };
                     let mut list = LightList::default();
                     Extractor::new(shape, &options).unwrap().step(&map, &mut list);
+                    ListError::new().measure(&mut list);
                     let slow =
                         relative_rms(&Emitters::from_lights(&list.lights).irradiances(300), &slow_reference);
                     let ratio = f64::from(list.error) / slow;

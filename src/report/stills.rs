@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::image::{PolarMap, PolarShape, luminance};
+use crate::light::error::ListError;
 use crate::light::measure::{Errors, Reference};
 use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
 use std::time::{Duration, Instant};
@@ -85,11 +86,12 @@ pub fn measure(map: &PolarMap) -> Result<Vec<Row>> {
             let Method { sampler, inversion, .. } = method;
             let options = Options { count, sampler, inversion, ..Options::default() };
             let mut extractor = Extractor::new(map.shape, &options)?;
-            let mut list = LightList::default();
+            let (mut list, mut list_error) = (LightList::default(), ListError::new());
             let mut times: Vec<Duration> = (0..RUNS)
                 .map(|_| {
                     let start = Instant::now();
                     extractor.step(map, &mut list);
+                    list_error.measure(&mut list);
                     start.elapsed()
                 })
                 .collect();

@@ -92,13 +92,8 @@ impl LightFilter {
             self.write_energies(filtered);
             self.write_directions_and_spreads(filtered);
             filtered.power = filtered.sum_of_lights();
-            self.error.prefix_errors(
-                &filtered.lights,
-                &filtered.reference_irradiance,
-                &mut filtered.prefix_errors,
-            );
-            filtered.error = filtered.prefix_errors.last().map_or(0.0, |&(_, error)| error);
         }
+        self.error.measure(filtered);
         Ok(())
     }
 

@@ -3,7 +3,7 @@ use crate::error::Kind;
 use crate::image::{PolarMap, PolarShape};
 use crate::light::error::NORMAL_COUNT;
 use crate::light::measure::{Emitters, relative_rms};
-use crate::light::{Extractor, Light, MapIrradiance, Options};
+use crate::light::{Extractor, Light, Options};
 use crate::math::{angle_between, direction};
 
 fn stamp(t: usize, rate: f64) -> Stamp {
@@ -281,8 +281,10 @@ fn numbers_that_break_the_contract_never_leave() {
 #[test]
 fn list_that_is_not_filtered_is_a_copy() {
     let mut input = lamp(0, 15.0, 2.0);
-    (input.error, input.prefix_errors, input.filter_delay_frames) = (0.5, vec![(1, 0.5)], 0);
-    assert_eq!(run(&[input.clone()])[0], input);
+    let left = run(&[input.clone()]);
+    ListError::new().measure(&mut input);
+    assert_eq!(left[0], input);
+    assert_eq!(left[0].prefix_errors.len(), 1);
 }
 
 #[test]
@@ -310,7 +312,6 @@ fn error_of_a_filtered_list_is_the_slow_one_against_the_filtered_truth() {
     let shape = PolarShape::hemisphere(180, 45);
     let options = Options { count: 64, ..Options::default() };
     let mut extractor = Extractor::new(shape, &options).unwrap();
-    let mut irradiance = MapIrradiance::new(shape);
     let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
     let taps = design(25.0, &FilterOptions::default()).unwrap();
     let (mut truth, mut filtered) = (Vec::new(), LightList::default());
@@ -328,7 +329,6 @@ fn error_of_a_filtered_list_is_the_slow_one_against_the_filtered_truth() {
         map.stamp = stamp(t, 25.0);
         let mut list = LightList::default();
         extractor.step(&map, &mut list);
-        irradiance.reference(&map, &mut list.reference_irradiance);
         filter.step(&list, &mut filtered).unwrap();
         truth.push(Emitters::from_map(&map).irradiances(300));
         let filtered_truth: Vec<f64> = (0..300)
@@ -339,38 +339,4 @@ fn error_of_a_filtered_list_is_the_slow_one_against_the_filtered_truth() {
         assert!((quick / slow - 1.0).abs() < 0.1, "frame {t}: {quick} and {slow}");
         assert_lawful(&filtered);
     }
-}
-
-/// Prints a time; run it with `--release` when it matters.
-#[test]
-fn time_of_300_lights_at_9_taps_is_printed() {
-    let lights = |t: usize| {
-        (0..300)
-            .map(|id| {
-                light(id, direction(f64::from(id) * 0.005, (id as usize + t) as f64 * 0.1), [id as f32; 3])
-            })
-            .collect()
-    };
-    let lists: Vec<LightList> = (0..20).map(|t| list(t, 25.0, lights(t))).collect();
-    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
-    let mut filtered = LightList::default();
-    for list in &lists {
-        filter.step(list, &mut filtered).unwrap();
-    }
-    let start = std::time::Instant::now();
-    for _ in 0..50 {
-        for list in &lists {
-            write_row(list, filter.history.push());
-            filter.write_energies(&mut filtered);
-            filter.write_directions_and_spreads(&mut filtered);
-        }
-    }
-    let without_error = start.elapsed() / 1000;
-    let start = std::time::Instant::now();
-    for list in &lists {
-        filter.error.prefix_errors(&filtered.lights, &list.reference_irradiance, &mut filtered.prefix_errors);
-    }
-    println!("300 lights, 9 taps: {without_error:?} a frame and {:?} for the errors", start.elapsed() / 20);
-    filter.step(&lists[19], &mut filtered).unwrap();
-    assert_lawful(&filtered);
 }
