@@ -1,5 +1,6 @@
 use super::Light;
 use super::refine::Share;
+use multiversion::multiversion;
 
 /// Lights that look for their head together: enough for every vector unit.
 const LANES: usize = 16;
@@ -47,6 +48,7 @@ pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
 }
 
 /// For up to [`LANES`] lights the index of the nearest head; the first of equally near ones.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn nearest_heads(heads: &[Light], lights: &[Light]) -> [u32; LANES] {
     let mut directions = [[0.0; LANES]; 3];
     for (lane, light) in lights.iter().enumerate() {
