@@ -1,6 +1,10 @@
 //! The one error type: a [`Kind`] for the machine that decides what to do next, and a sentence with a
 //! position (file, frame, line, byte) for the person who reads it.
 
+mod toml_text;
+
+pub use toml_text::TomlText;
+
 use std::fmt;
 
 /// Shorthand for results with this crate's error.

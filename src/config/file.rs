@@ -1,9 +1,8 @@
 //! The keys of a configuration file as they are written, and their way into [`Config`].
 
-use super::fault::{self, Origin};
 use super::{CameraOptions, Config, Links, Pace, ProjectionKind};
 use crate::camera::{Response, ResponseModel};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, TomlText};
 use crate::image::PolarShape;
 use crate::light;
 use crate::source::SequenceOptions;
@@ -90,19 +89,17 @@ impl Default for MapKeys {
     }
 }
 
-/// Checks the text of a configuration file; paths in it are relative to the folder of `path`.
-pub(super) fn parse(text: String, path: &Path) -> Result<Config> {
-    let File { source, camera, map, lights, filter } =
-        toml::from_str(&text).map_err(|error| fault::of_toml(&error, &text).at(path.display()))?;
-    let origin = Origin { path: path.to_owned(), text };
-    let folder = path.parent().unwrap_or(Path::new(""));
+/// Checks a configuration file; paths in it are relative to its folder.
+pub(super) fn parse(origin: TomlText) -> Result<Config> {
+    let File { source, camera, map, lights, filter } = origin.parse()?;
+    let folder = origin.path.parent().unwrap_or(Path::new("")).to_owned();
     if let (Some(first), Some(last)) = (source.first, source.last)
         && first > last
     {
         let error = Error::usage(format!("last = {last}: must not be before first = {first}"));
         return Err(origin.locate("source", error));
     }
-    let camera = camera.check(folder).map_err(|error| origin.locate("camera", error))?;
+    let camera = camera.check(&folder).map_err(|error| origin.locate("camera", error))?;
     Ok(Config {
         source: SequenceOptions {
             path: folder.join(source.path),
@@ -214,7 +211,7 @@ mod tests {
     const SOURCE: &str = "[source]\nkind = \"sequence\"\npath = \"sky/\"\n";
 
     fn parse_with(rest: &str) -> Result<Config> {
-        parse(format!("{SOURCE}{rest}"), Path::new("conf/a.toml"))
+        parse(TomlText { path: "conf/a.toml".into(), text: format!("{SOURCE}{rest}") })
     }
 
     #[test]
@@ -274,7 +271,8 @@ mod tests {
             assert_eq!(error.kind(), crate::error::Kind::Usage);
             assert!(error.to_string().contains(expected), "{rest}\n  gave {error}\n  not {expected}");
         }
-        let error = parse("[map]\nrows = 9".to_owned(), Path::new("a.toml")).unwrap_err();
+        let error =
+            parse(TomlText { path: "a.toml".into(), text: "[map]\nrows = 9".to_owned() }).unwrap_err();
         assert!(error.to_string().contains("missing field `source`"), "{error}");
     }
 }

@@ -3,11 +3,10 @@
 //! The file is TOML; `config/replay.toml` has every key with a comment. Unknown keys are refused, a fault is told
 //! with file, line and key, and paths in the file are relative to its folder.
 
-mod fault;
 mod file;
 
 use crate::camera::Response;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, TomlText};
 use crate::image::PolarShape;
 use crate::light;
 use crate::source::SequenceOptions;
@@ -33,7 +32,7 @@ pub struct Config {
     pub lights: light::Options,
     /// How they are filtered.
     pub filter: FilterOptions,
-    origin: fault::Origin,
+    origin: TomlText,
 }
 
 /// How fast a sequence is played.
@@ -90,10 +89,7 @@ impl Config {
     /// # Errors
     /// Kind `Usage`, naming file, line and key.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|error| {
-            Error::usage("the configuration cannot be read").because(error).at(path.display())
-        })?;
-        file::parse(text, path)
+        file::parse(TomlText::load(path)?)
     }
 
     /// Puts file and line in front of an error about an option of `section` that only its algorithm could find.

@@ -40,13 +40,16 @@ fn a_value_that_only_its_algorithm_can_judge_is_refused_with_file_line_and_key()
 fn a_filter_that_this_frame_rate_does_not_allow_is_refused_before_the_first_frame() {
     refused(
         &format!("{SOURCE}frame_rate_hz = 25\n[filter]\ndelay_s = 1000\n"),
-        &["[filter]", "delay_s = 1000"],
+        &["line 5: a delay of delay_s = 1000"],
     );
 }
 
 #[test]
-fn a_map_that_no_memory_holds_is_refused_with_file_and_section() {
-    refused(&format!("{SOURCE}[map]\ncolumns = 16384\nrows = 16384\n"), &["[map]", "16384 x 16384"]);
+fn a_map_that_no_memory_holds_is_refused_with_file_and_line() {
+    refused(
+        &format!("{SOURCE}[map]\ncolumns = 16384\nrows = 16384\n"),
+        &["line 4: polar map of 16384 x 16384"],
+    );
 }
 
 #[test]

@@ -13,7 +13,6 @@ mod emitter;
 mod integrate;
 mod noise;
 mod panorama;
-mod place;
 mod room;
 mod scene;
 mod script;

@@ -6,13 +6,12 @@
 use super::animation::Exposure;
 use super::integrate::View;
 use super::panorama::{Panorama, PanoramaOptions};
-use super::place;
 use super::room::Room;
 use super::scene::Scene;
 use super::sensor::Noise;
 use super::sky::Sky;
 use crate::camera::{Calibration, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, TomlText};
 use crate::image::{Frame, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, read};
 use glam::DMat3;
 use serde::Deserialize;
@@ -148,24 +147,19 @@ impl Script {
     /// `Usage`, naming the file, the line and the key: what cannot be read, is not TOML, has unknown keys or
     /// values that do not fit, or names a panorama that is not there.
     pub fn load(path: &Path, data: Option<&Path>) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|error| {
-            Error::usage(format!("{}: the script cannot be read", path.display())).because(error)
-        })?;
-        Self::parse(&text, path, data)
+        Self::parse(&TomlText::load(path)?, data)
     }
 
-    /// As [`Self::load`], from a text that stands for the file `path`.
+    /// As [`Self::load`], from a file that was read before.
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn parse(text: &str, path: &Path, data: Option<&Path>) -> Result<Self> {
-        let keys: Keys = toml::from_str(text).map_err(|error| place::of_toml(&error, text, path))?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        keys.check(folder, data).map_err(|fault| place::of_value(&fault, text, path))
+    pub fn parse(script: &TomlText, data: Option<&Path>) -> Result<Self> {
+        let keys: Keys = script.parse()?;
+        let folder = script.path.parent().unwrap_or(Path::new(""));
+        keys.check(folder, data).map_err(|fault| script.locate("", Error::usage(fault)))
     }
-}
 
-impl Script {
     /// The camera of a fisheye script, for a calibration file; none for lat-long pictures. The orientation is not
     /// part of it.
     pub fn calibration(&self) -> Option<Calibration> {

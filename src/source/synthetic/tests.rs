@@ -1,7 +1,7 @@
 use super::integrate::View;
 use super::*;
 use crate::camera::{Calibration, FrameToPolar, Response};
-use crate::error::{Error, Kind};
+use crate::error::{Error, Kind, TomlText};
 use crate::image::{PolarMap, PolarShape, read};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ flicker = { frequency_hz = 3.0, depth = 0.5 }
 ";
 
 fn parse(text: &str) -> Result<Script> {
-    Script::parse(text, Path::new("a/sky.toml"), None)
+    Script::parse(&TomlText { path: "a/sky.toml".into(), text: text.to_owned() }, None)
 }
 
 fn refusal(text: &str) -> String {
@@ -114,29 +114,29 @@ fn codes_are_the_response_of_the_radiance() {
 
 #[test]
 fn faults_are_named_with_file_line_and_key() {
-    assert!(refusal("name = 'a").starts_with("a/sky.toml:1: "));
+    assert!(refusal("name = 'a").starts_with("a/sky.toml: line 1 (`name = 'a`): "));
     let message = refusal(&SKY.replace("cover", "covers"));
-    assert!(message.starts_with("a/sky.toml:17: ") && message.contains("`covers`"), "{message}");
+    assert!(message.starts_with("a/sky.toml: line 17 (") && message.contains("`covers`"), "{message}");
     let message = refusal(&SKY.replace("height = 20", "height = 'x'"));
-    assert!(message.starts_with("a/sky.toml:10: ") && message.contains("height = 'x'"), "{message}");
+    assert!(message.starts_with("a/sky.toml: line 10 (") && message.contains("height = 'x'"), "{message}");
     for (from, to, expected) in [
-        ("frames = 3", "frames = 0", ":3: frames must"),
-        ("frame_rate_hz = 20.0", "frame_rate_hz = nan", ":4: frame_rate_hz must"),
-        ("sky.###.png", "sky.png", ":2: name must hold"),
-        ("sky.###.png", "sky.###.exr", ":2: name must end in .png"),
-        ("sky.###.png", "sky.###5.png", ":2: name must hold"),
-        ("height = 20", "height = 20000", ":8: fisheye width and height must"),
-        ("cover = 0.4", "cover = 1.4", ":17: sky.clouds.cover must"),
-        ("radius_deg = 4.0", "radius_deg = 0.0", ":22: sky.lamp[0].radius_deg must"),
-        ("depth = 0.5", "depth = 1.5", ":24: sky.lamp[0].flicker needs"),
-        ("depth = 0.5", "depth = 0.5, phase_turns = 1e300", ":24: sky.lamp[0].flicker needs"),
-        ("path = [{ time_s = 0.0", "path = [{ time_s = -inf", ":15: sky.sun.path[0].time_s must"),
-        ("[9.0, 5.0, 1.0]", "[9.0, 5.0, -1.0]", ":23: sky.lamp[0].radiance must"),
-        ("elevation_deg = 50.0", "elevation_deg = 95.0", ":15: sky.sun.path[0] needs"),
-        ("field_of_view_deg = 180.0", "field_of_view_deg = 0.0", ":8: fisheye: lens"),
-        ("b = 200.0", "b = 0.0", ":12: fisheye.response: "),
+        ("frames = 3", "frames = 0", "line 3: frames must"),
+        ("frame_rate_hz = 20.0", "frame_rate_hz = nan", "line 4: frame_rate_hz must"),
+        ("sky.###.png", "sky.png", "line 2: name must hold"),
+        ("sky.###.png", "sky.###.exr", "line 2: name must end in .png"),
+        ("sky.###.png", "sky.###5.png", "line 2: name must hold"),
+        ("height = 20", "height = 20000", "line 8: fisheye width and height must"),
+        ("cover = 0.4", "cover = 1.4", "line 17: sky.clouds.cover must"),
+        ("radius_deg = 4.0", "radius_deg = 0.0", "line 22: sky.lamp[0].radius_deg must"),
+        ("depth = 0.5", "depth = 1.5", "line 24: sky.lamp[0].flicker needs"),
+        ("depth = 0.5", "depth = 0.5, phase_turns = 1e300", "line 24: sky.lamp[0].flicker needs"),
+        ("path = [{ time_s = 0.0", "path = [{ time_s = -inf", "line 15: sky.sun.path[0].time_s must"),
+        ("[9.0, 5.0, 1.0]", "[9.0, 5.0, -1.0]", "line 23: sky.lamp[0].radiance must"),
+        ("elevation_deg = 50.0", "elevation_deg = 95.0", "line 15: sky.sun.path[0] needs"),
+        ("field_of_view_deg = 180.0", "field_of_view_deg = 0.0", "line 8: fisheye: lens"),
+        ("b = 200.0", "b = 0.0", "line 12: fisheye.response: "),
         ("[fisheye]", "[lat_long]\nwidth = 9\nheight = 9\n[fisheye]", "lat_long or fisheye: one of"),
-        ("read_codes = 0.7", "read_codes = -1.0", ":7: noise needs"),
+        ("read_codes = 0.7", "read_codes = -1.0", "line 7: noise needs"),
     ] {
         let message = refusal(&SKY.replace(from, to));
         assert!(message.contains(expected), "{message}");
@@ -154,11 +154,14 @@ fn a_panorama_that_is_not_there_is_named_with_what_to_do() {
     };
     let message = refusal(&text("data:env/x.hdr"));
     assert!(
-        message.starts_with("a/sky.toml:6: panorama.file") && message.contains("LIGHTCAST_DATA"),
+        message.starts_with("a/sky.toml: line 6: panorama.file") && message.contains("LIGHTCAST_DATA"),
         "{message}"
     );
     let message = refusal(&text("x.hdr"));
-    assert!(message.starts_with("a/sky.toml:6: panorama.file") && message.contains("a/x.hdr"), "{message}");
+    assert!(
+        message.starts_with("a/sky.toml: line 6: panorama.file") && message.contains("a/x.hdr"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -305,7 +308,8 @@ fn a_real_sun_keeps_its_power_through_a_fisheye_too() {
         )
     };
     let source = |see: &str| {
-        let script = Script::parse(&text(see), Path::new("garden.toml"), Some(&data)).unwrap();
+        let script = TomlText { path: "garden.toml".into(), text: text(see) };
+        let script = Script::parse(&script, Some(&data)).unwrap();
         Synthetic::new(script)
     };
     let mut exact = source("lat_long = { width = 1024, height = 512 }");

@@ -1,0 +1,138 @@
+//! Files that people write in TOML, and where in them a fault stands.
+
+use super::{Error, Result};
+use serde::de::DeserializeOwned;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use toml::de::{DeTable, DeValue};
+
+/// Such files are a page or two; more is a picture or a recording given by mistake.
+const SIZE_MAX_BYTES: u64 = 1 << 20;
+
+/// A file as it was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TomlText {
+    /// Where it stands, for messages.
+    pub path: PathBuf,
+    /// What it says.
+    pub text: String,
+}
+
+impl TomlText {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Kind `Usage`, naming the file: unreadable, not UTF-8, or above 1 MiB.
+    pub fn load(path: &Path) -> Result<Self> {
+        let unreadable =
+            |error: std::io::Error| Error::usage("cannot be read").because(error).at(path.display());
+        let mut text = String::new();
+        std::fs::File::open(path)
+            .and_then(|file| file.take(SIZE_MAX_BYTES + 1).read_to_string(&mut text))
+            .map_err(unreadable)?;
+        if text.len() as u64 > SIZE_MAX_BYTES {
+            return Err(Error::usage("is larger than 1 MiB: nobody writes that by hand").at(path.display()));
+        }
+        Ok(Self { path: path.to_owned(), text })
+    }
+
+    /// The values by their keys.
+    ///
+    /// # Errors
+    /// Kind `Usage`, naming file, line and what is written there: no TOML, unknown keys, wrong types.
+    pub fn parse<T: DeserializeOwned>(&self) -> Result<T> {
+        toml::from_str(&self.text).map_err(|error| {
+            let message = error.message().replace('\n', ", ");
+            let fault = match error.span() {
+                Some(span) => {
+                    let line = self.line_of_byte(span.start);
+                    let written = self.text.lines().nth(line - 1).unwrap_or_default().trim();
+                    Error::usage(format!("line {line} (`{written}`): {message}"))
+                }
+                None => Error::usage(message),
+            };
+            fault.at(self.path.display())
+        })
+    }
+
+    /// Puts file and line in front of an error about a value of `table` (empty: the whole file). Its message begins
+    /// with the key, as in `sun.path[1].time_s must ...`. Where no such key is written, the line is that of the
+    /// innermost table about it, and where there is none either, the table is named instead.
+    pub fn locate(&self, table: &str, error: Error) -> Error {
+        let message = error.to_string();
+        let key = message.split([' ', '=', ':', ',']).next().unwrap_or_default();
+        let steps = table.split('.').chain(key.split(['.', '['])).filter(|step| !step.is_empty());
+        let error = match self.line_of_key(steps) {
+            Some(line) => error.at(format_args!("line {line}")),
+            None if table.is_empty() => error,
+            None => error.at(format_args!("[{table}]")),
+        };
+        error.at(self.path.display())
+    }
+
+    fn line_of_byte(&self, byte: usize) -> usize {
+        1 + self.text.bytes().take(byte).filter(|byte| *byte == b'\n').count()
+    }
+
+    /// Line of a key, or of the innermost table about it that is there.
+    fn line_of_key<'a>(&self, steps: impl Iterator<Item = &'a str>) -> Option<usize> {
+        let root = DeValue::Table(DeTable::parse(&self.text).ok()?.into_inner());
+        let (mut value, mut start) = (&root, None);
+        for step in steps {
+            let next = match step.strip_suffix(']') {
+                Some(index) => index.parse::<usize>().ok().and_then(|index| value.get(index)),
+                None => value.get(step),
+            };
+            let Some(next) = next else { break };
+            (value, start) = (next.get_ref(), Some(next.span().start));
+        }
+        start.map(|byte| self.line_of_byte(byte))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text() -> TomlText {
+        let text = "frames = 3\n[sky]\nzenith = [1, 2, 3]\n\n[[sky.lamp]]\na = 1\n[[sky.lamp]]\na = 2\n[b]\n# c = 1\nd = {e = 4}\n";
+        TomlText { path: "a.toml".into(), text: text.to_owned() }
+    }
+
+    #[test]
+    fn values_are_found_or_else_the_table_about_them() {
+        for (table, key, place) in [
+            ("", "frames", "line 1: "),
+            ("", "sky.zenith", "line 3: "),
+            ("sky", "zenith", "line 3: "),
+            ("", "sky.lamp[0].a", "line 6: "),
+            ("", "sky.lamp[1].a", "line 8: "),
+            ("", "sky.lamp[1].b", "line 7: "),
+            ("", "sky.sun.path", "line 2: "),
+            ("b", "c", "line 9: "),
+            ("b", "d.e", "line 11: "),
+            ("", "room", ""),
+            ("room", "size", "[room]: "),
+        ] {
+            let error = text().locate(table, Error::usage(format!("{key} = 4: too much")));
+            assert_eq!(error.to_string(), format!("a.toml: {place}{key} = 4: too much"));
+        }
+    }
+
+    #[test]
+    fn a_text_that_does_not_parse_is_told_with_its_line() {
+        let broken = TomlText { text: "a = 1\nb =\n".to_owned(), ..text() };
+        let error = broken.parse::<toml::Table>().unwrap_err().to_string();
+        assert!(error.starts_with("a.toml: line 2 (`b =`): "), "{error}");
+    }
+
+    #[test]
+    fn what_is_no_page_of_text_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, vec![b' '; (1 << 20) + 1]).unwrap();
+        assert!(TomlText::load(&path).unwrap_err().to_string().contains("a.toml: is larger than 1 MiB"));
+        std::fs::write(&path, [0xff]).unwrap();
+        assert!(TomlText::load(&path).unwrap_err().to_string().contains("a.toml: cannot be read: "));
+    }
+}
