@@ -10,7 +10,7 @@ use super::sequence_maps::{garden_frame, hall_frame};
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape, Stamp};
 use crate::light::measure::Emitters;
-use crate::light::{Extractor, Inversion, LightList, MapIrradiance, Options, Sampler};
+use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
 use crate::math::angle_between;
 use crate::temporal::{FilterOptions, LightFilter, design};
 use glam::DVec3;
@@ -127,13 +127,11 @@ impl Sequence {
         let options =
             Options { count: LIGHTS, sampler, inversion: Inversion::Bicontinuous, ..Options::default() };
         let mut extractor = Extractor::new(SHAPE, &options)?;
-        let mut irradiance = MapIrradiance::new(SHAPE);
         let mut filter = LightFilter::new(&FilterOptions::default())?;
         let (mut before, mut after) = (Vec::new(), Vec::new());
         for map in &self.maps {
             let (mut list, mut filtered) = (LightList::default(), LightList::default());
             extractor.step(map, &mut list);
-            irradiance.reference(map, &mut list.reference_irradiance);
             filter.step(&list, &mut filtered)?;
             before.push(list);
             after.push(filtered);
