@@ -11,8 +11,10 @@ pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> 
     let attributes = image::read(path, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
     let projection =
         Projection::LatLong { width: frame.width, height: frame.height, centres: attributes.latlong_centres };
+    let mut frame_to_polar = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?;
+    // After the shape was checked.
     let mut map = PolarMap::black(shape);
-    let PixelCounts { nan, infinite, negative, .. } = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?
+    let PixelCounts { nan, infinite, negative, .. } = frame_to_polar
         .apply(&frame, &Response::default(), &mut map)
         .map_err(|error| error.with_kind(Kind::Failed).at(path.display()))?;
     if nan + infinite + negative > 0 {

@@ -1,6 +1,7 @@
 use super::{Canvas, ToneCurve};
 use crate::image::PolarMap;
 use crate::light::Light;
+use crate::light::measure::{GROUND_HALF_SIDE, SPHERE_RADIUS};
 use crate::math::zone_solid_angle;
 use glam::{DVec3, Vec3};
 use multiversion::multiversion;
@@ -10,9 +11,6 @@ const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
 /// Sub-samples of a pixel along each axis that decide which surfaces it shows.
 const COVERAGE_STEPS: usize = 3;
-/// The sphere rests on the ground at the origin; the ground is the square [-1.5, 1.5]^2.
-const SPHERE_RADIUS: f64 = 0.5;
-const GROUND_HALF_SIDE: f64 = 1.5;
 /// Albedos (Lambert).
 const SPHERE_ALBEDO: f32 = 0.75;
 const GROUND_ALBEDO: f32 = 0.55;
