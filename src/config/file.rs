@@ -169,7 +169,7 @@ fn polar_angle<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
     let angle_deg = f64::deserialize(value)?;
     if !(LEAST_POLAR_ANGLE_DEG..=180.0).contains(&angle_deg) {
         return Err(D::Error::custom(format!(
-            "the lower rim lies at {LEAST_POLAR_ANGLE_DEG} to 180 degrees, not at {angle_deg}"
+            "the lower rim lies at {LEAST_POLAR_ANGLE_DEG} to 180 degrees, not at {angle_deg:?}"
         )));
     }
     Ok(angle_deg)

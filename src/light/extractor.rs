@@ -117,7 +117,7 @@ impl Extractor {
         // NaN lies in no range.
         if !(LEAST_THETA_MAX_RAD..=std::f64::consts::PI).contains(&shape.theta_max_rad) {
             return Err(Error::usage(format!(
-                "a polar map down to theta = {} rad; give {LEAST_THETA_MAX_RAD} to pi",
+                "a polar map down to theta = {:?} rad; give {LEAST_THETA_MAX_RAD} to pi",
                 shape.theta_max_rad
             )));
         }
