@@ -71,10 +71,7 @@ impl FromStr for Resolution {
         let sides = text.split_once('x').and_then(|(columns, rows)| {
             Some(Self { columns: columns.parse().ok()?, rows: rows.parse().ok()? })
         });
-        // The limit that configurations have; a slip of the finger shall not ask for all memory.
-        let is_sound =
-            |sides: &Self| (1..=16_384).contains(&sides.columns) && (1..=16_384).contains(&sides.rows);
-        sides.filter(is_sound).ok_or("write COLUMNSxROWS, such as 360x90, each 1 to 16384".to_owned())
+        sides.ok_or("write COLUMNSxROWS, such as 360x90".to_owned())
     }
 }
 
@@ -116,7 +113,7 @@ mod tests {
     #[test]
     fn resolutions_are_two_numbers() {
         assert_eq!("360x90".parse(), Ok(Resolution { columns: 360, rows: 90 }));
-        for text in ["360", "360x", "x90", "360x0", "-3x4", "99999x90", "360 x 90", "360x90x3"] {
+        for text in ["360", "360x", "x90", "-3x4", "360 x 90", "360x90x3"] {
             assert!(text.parse::<Resolution>().is_err(), "{text}");
         }
     }

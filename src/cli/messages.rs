@@ -9,15 +9,12 @@ use tracing_subscriber::filter::LevelFilter;
 /// Every progress bar is drawn by this, so that messages can push it aside.
 pub(super) static PROGRESS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// Sends messages to standard error; `RUST_LOG` overrules `verbose`.
-pub(super) fn start(verbose: u8) {
-    let level = match verbose {
-        0 => LevelFilter::INFO,
-        1 => LevelFilter::DEBUG,
-        _ => LevelFilter::TRACE,
-    };
+/// Sends messages to standard error; `RUST_LOG` says which, by default all from INFO up.
+pub(super) fn start() {
     tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::builder().with_default_directive(level.into()).from_env_lossy())
+        .with_env_filter(
+            EnvFilter::builder().with_default_directive(LevelFilter::INFO.into()).from_env_lossy(),
+        )
         .with_writer(|| BesideProgress)
         .with_ansi(io::stderr().is_terminal())
         .with_target(false)
@@ -25,15 +22,19 @@ pub(super) fn start(verbose: u8) {
         .init();
 }
 
-/// Standard error, with the progress bar taken away while a message is written.
+/// Standard error, with the progress bar taken away while a message is written. A message that nobody can receive
+/// (closed pipe, full disk) is dropped: the subscriber answers errors with a panic.
 struct BesideProgress;
 
 impl Write for BesideProgress {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        PROGRESS.suspend(|| io::stderr().write(bytes))
+        PROGRESS.suspend(|| {
+            let _ = io::stderr().write_all(bytes);
+        });
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        io::stderr().flush()
+        Ok(())
     }
 }

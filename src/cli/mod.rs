@@ -21,10 +21,6 @@ use std::process::ExitCode;
 struct Arguments {
     #[command(subcommand)]
     command: Command,
-
-    /// Say more: -v what is being done, -vv how.
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
-    verbose: u8,
 }
 
 #[derive(Debug, Subcommand)]
@@ -37,8 +33,8 @@ enum Command {
 
 /// Runs the program; the exit code is 0 for done, 1 for failed, 2 for wrong usage or configuration.
 pub fn main() -> ExitCode {
-    let Arguments { command, verbose } = Arguments::parse();
-    messages::start(verbose);
+    let Arguments { command } = Arguments::parse();
+    messages::start();
     let outcome = match &command {
         Command::Run(arguments) => run::run(arguments),
         Command::Lights(arguments) => lights::run(arguments),

@@ -1,6 +1,6 @@
 use crate::camera::{FrameToPolar, PixelCounts, Projection, Response};
-use crate::error::{Kind, Result};
-use crate::image::{self, Frame, PolarMap, PolarShape};
+use crate::error::{Error, Kind, Result};
+use crate::image::{self, Frame, Pixels, PolarMap, PolarShape, lat_long_note};
 use glam::DMat3;
 use std::path::Path;
 
@@ -9,10 +9,19 @@ use std::path::Path;
 pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> {
     let mut frame = Frame::default();
     let attributes = image::read(path, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
+    if matches!(frame.pixels, Pixels::Codes(_)) {
+        return Err(Error::failed(
+            "holds raw sensor codes; a panorama of radiance is needed, OpenEXR or Radiance HDR",
+        )
+        .at(path.display()));
+    }
+    if let Some(note) = lat_long_note(frame.width, frame.height) {
+        tracing::warn!("{}: {note}", path.display());
+    }
     let projection =
         Projection::LatLong { width: frame.width, height: frame.height, centres: attributes.latlong_centres };
+    // First, because it refuses shapes that no memory holds.
     let mut frame_to_polar = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?;
-    // After the shape was checked.
     let mut map = PolarMap::black(shape);
     let PixelCounts { nan, infinite, negative, .. } = frame_to_polar
         .apply(&frame, &Response::default(), &mut map)

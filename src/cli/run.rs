@@ -49,12 +49,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let config = Config::load(&arguments.config)?;
     let shutdown = Shutdown::new();
     let _signals = SignalWatch::start(&shutdown)?;
-    let output = open_output(arguments.output.as_ref())?;
     let pictures = arguments
         .pictures
         .as_ref()
         .map(|folder| Pictures { folder: folder.clone(), every: arguments.picture_every });
-    let service = Service::start(&config, output, pictures.as_ref(), &shutdown)?;
+    let open_output = || open_output(arguments.output.as_ref());
+    let service = Service::start(&config, open_output, pictures.as_ref(), &shutdown)?;
     let summary = service.summary();
     let bar = PROGRESS.add(progress_bar(service.frame_count()));
     let outcome = service.join(PROGRESS_INTERVAL, || {
@@ -71,7 +71,7 @@ fn open_output(path: Option<&PathBuf>) -> Result<Output> {
         return Ok(Output { writer: Box::new(io::stdout()), name: "standard output".to_owned() });
     };
     let file = File::create(path)
-        .map_err(|error| Error::usage("the output file cannot be made").because(error).at(path.display()))?;
+        .map_err(|error| Error::failed("the output file cannot be made").because(error).at(path.display()))?;
     Ok(Output { writer: Box::new(file), name: path.display().to_string() })
 }
 

@@ -2,6 +2,7 @@
 
 use super::fault::{self, Origin};
 use super::{CameraOptions, Config, Links, Pace, ProjectionKind};
+use crate::camera::{Response, ResponseModel};
 use crate::error::{Error, Result};
 use crate::image::PolarShape;
 use crate::light;
@@ -69,6 +70,8 @@ struct CameraKeys {
     #[serde(default)]
     projection: ProjectionKind,
     calibration: Option<PathBuf>,
+    kalibr_camera: Option<String>,
+    response: Option<ResponseModel>,
     #[serde(default, deserialize_with = "rotation")]
     world_from_camera: Option<DMat3>,
 }
@@ -103,12 +106,7 @@ pub(super) fn parse(text: String, path: &Path) -> Result<Config> {
         let error = Error::usage(format!("last = {last}: must not be before first = {first}"));
         return Err(origin.locate("source", error));
     }
-    let camera = CameraOptions {
-        projection: camera.projection,
-        calibration: camera.calibration.map(|file| folder.join(file)),
-        world_from_camera: camera.world_from_camera,
-    };
-    camera.check().map_err(|error| origin.locate("camera", error))?;
+    let camera = camera.check(folder).map_err(|error| origin.locate("camera", error))?;
     Ok(Config {
         source: SequenceOptions {
             path: folder.join(source.path),
@@ -131,18 +129,35 @@ pub(super) fn parse(text: String, path: &Path) -> Result<Config> {
     })
 }
 
-impl CameraOptions {
-    /// Whether the keys fit together.
-    fn check(&self) -> Result<()> {
-        match (self.projection, &self.calibration) {
-            (ProjectionKind::Fisheye, None) => Err(Error::usage(
-                "projection = \"fisheye\": needs the lens in a calibration file; name it with the key `calibration`",
-            )),
-            (ProjectionKind::LatLong, Some(_)) => Err(Error::usage(
-                "calibration = ...: a lat-long panorama has no lens; remove this key or say projection = \"fisheye\"",
-            )),
-            _ => Ok(()),
+impl CameraKeys {
+    /// The options, if the keys fit together.
+    fn check(self, folder: &Path) -> Result<CameraOptions> {
+        let Self { projection, calibration, kalibr_camera, response, world_from_camera } = self;
+        match (projection, &calibration, &kalibr_camera) {
+            (ProjectionKind::Fisheye, None, _) => {
+                return Err(Error::usage(
+                    "projection = \"fisheye\": needs the lens in a calibration file; name it with the key `calibration`",
+                ));
+            }
+            (ProjectionKind::LatLong, Some(_), _) => {
+                return Err(Error::usage(
+                    "calibration = ...: a lat-long panorama has no lens; remove this key or say projection = \"fisheye\"",
+                ));
+            }
+            (ProjectionKind::LatLong, None, Some(_)) => {
+                return Err(Error::usage(
+                    "kalibr_camera = ...: there is no calibration to choose from; remove this key",
+                ));
+            }
+            _ => {}
         }
+        Ok(CameraOptions {
+            projection,
+            calibration: calibration.map(|file| folder.join(file)),
+            kalibr_camera,
+            response: response.map(Response::new).transpose()?,
+            world_from_camera,
+        })
     }
 }
 
@@ -253,6 +268,15 @@ mod tests {
             ),
             ("[camera]\nworld_from_camera = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "is no rotation"),
             ("[camera]\nworld_from_camera = [[1, 0, 0], [0, nan, 0], [0, 0, 1]]", "is no rotation"),
+            ("[camera]\nkalibr_camera = \"cam1\"", "line 5: kalibr_camera = ...: there is no calibration"),
+            (
+                "[camera]\nresponse = { model = \"linear\", black_level = 9, white_level = 9, gain = 1.0 }",
+                "line 5: response: the black clip at code 9",
+            ),
+            (
+                "[camera]\nresponse = { model = \"cubic\" }",
+                "line 5 (`response = { model = \"cubic\" }`): unknown variant",
+            ),
             ("[filter]\norder = 8", "line 5 (`order = 8`): unknown field `order`"),
         ] {
             let error = parse_with(rest).unwrap_err();

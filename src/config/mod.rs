@@ -6,6 +6,7 @@
 mod fault;
 mod file;
 
+use crate::camera::Response;
 use crate::error::{Error, Result};
 use crate::image::PolarShape;
 use crate::light;
@@ -64,6 +65,10 @@ pub struct CameraOptions {
     pub projection: ProjectionKind,
     /// Calibration file; a fisheye picture needs one.
     pub calibration: Option<PathBuf>,
+    /// Which camera of a Kalibr chain; `None`: the first.
+    pub kalibr_camera: Option<String>,
+    /// Meaning of sensor codes; goes before what the calibration says. Files of OpenCV and Kalibr say nothing.
+    pub response: Option<Response>,
     /// Rotation from camera to world axes; `None`: the projection's own default.
     pub world_from_camera: Option<DMat3>,
 }

@@ -28,6 +28,17 @@ pub enum LatLongCentres {
     Ends,
 }
 
+/// What to tell somebody who gives a picture of this size as a lat-long panorama: nothing when it is twice as wide
+/// as high. Others are most likely fisheye pictures, mirror balls or cuts, of which no file says so.
+pub fn lat_long_note(width: usize, height: usize) -> Option<String> {
+    (width != 2 * height).then(|| {
+        format!(
+            "is {width} x {height}, but a lat-long panorama of the whole sphere is twice as wide as high; taken as one \
+             all the same, its pixels stretched"
+        )
+    })
+}
+
 /// What a file says beside its pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attributes {

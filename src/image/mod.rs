@@ -8,7 +8,7 @@ mod png;
 mod polar_map;
 mod radiance;
 
-pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, read};
+pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, lat_long_note, read};
 pub use frame::{Frame, Pixels, Stamp};
 pub use open_exr::write_exr;
 pub use png::{write_png8, write_png16};

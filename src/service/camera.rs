@@ -1,6 +1,7 @@
 use crate::camera::{Calibration, FrameToPolar, LOOKING_UP, Projection, Response};
 use crate::config::{Config, ProjectionKind};
 use crate::error::{Error, Result};
+use crate::image::lat_long_note;
 use crate::source::FrameFormat;
 use glam::DMat3;
 
@@ -14,22 +15,31 @@ pub(super) fn frame_to_polar(config: &Config, format: &FrameFormat) -> Result<(F
     let FrameFormat { width, height, is_codes, latlong_centres: centres, .. } = *format;
     let (projection, response, world_from_camera) = match (options.projection, &options.calibration) {
         (ProjectionKind::Fisheye, Some(path)) => {
-            let calibration = Calibration::load(path)?;
+            let calibration = Calibration::load_camera(path, options.kalibr_camera.as_deref())?;
             for note in &calibration.notes {
                 tracing::info!("{}: {note}", path.display());
             }
             (Projection::Fisheye(calibration.lens), calibration.response, LOOKING_UP)
         }
         // A fisheye without a calibration was refused with the configuration.
-        _ => (Projection::LatLong { width, height, centres }, Response::default(), DMat3::IDENTITY),
+        _ => {
+            if let Some(note) = lat_long_note(width, height) {
+                tracing::warn!("{}: {note}", config.source.path.display());
+            }
+            (Projection::LatLong { width, height, centres }, Response::default(), DMat3::IDENTITY)
+        }
     };
+    let response = options.response.clone().unwrap_or(response);
     let misfit = if (width, height) != (projection.width(), projection.height()) {
         format!("is for frames of {} x {}", projection.width(), projection.height())
     } else if is_codes && response.is_identity() {
-        "has no response, which tells what sensor codes mean".to_owned()
+        "has no response, which tells what sensor codes mean (give one with the key `response` of [camera])"
+            .to_owned()
     } else {
         let world_from_camera = options.world_from_camera.unwrap_or(world_from_camera);
-        return Ok((FrameToPolar::new(&projection, world_from_camera, config.map)?, response));
+        let frame_to_polar = FrameToPolar::new(&projection, world_from_camera, config.map)
+            .map_err(|error| config.locate("map", error))?;
+        return Ok((frame_to_polar, response));
     };
     let calibration = options
         .calibration

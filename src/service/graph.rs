@@ -28,8 +28,13 @@ impl Graph {
         let (clock, shutdown) = (self.clock.clone(), self.shutdown.clone());
         // Readers are started before their writers; the summary follows the data.
         self.metrics.insert(0, metrics.clone());
-        self.threads
-            .spawn(metrics.name(), move || stage::run(stage, inlet, outlet, &clock, &shutdown, &metrics))
+        self.threads.spawn(metrics.name(), move || {
+            let outcome = stage::run(stage, inlet, outlet, &clock, &shutdown, &metrics);
+            // Whoever ends first ends all. Without this a source that waits for a frame's time would find out only
+            // when it has come that nobody reads any more.
+            shutdown.request();
+            outcome
+        })
     }
 
     pub fn summary(&self) -> Summary {
@@ -117,6 +122,33 @@ mod tests {
             let error = outcome(|| Err(Error::failed("disk full")), is_live).unwrap_err();
             assert_eq!(error.to_string(), "disk full");
         }
+    }
+
+    #[test]
+    fn a_stage_that_ends_also_ends_a_source_that_waits_for_the_time_of_its_next_frame() {
+        struct Rare;
+        impl Stage for Rare {
+            type Input = Tick;
+            type Output = Frame;
+            fn step(&mut self, _: &Tick, frame: &mut Frame) -> Result<Flow> {
+                frame.stamp.sequence += 1;
+                Ok(if frame.stamp.sequence == 1 { Flow::Send } else { Flow::SendAt { time_ns: i64::MAX } })
+            }
+        }
+        struct Ends;
+        impl Stage for Ends {
+            type Input = Frame;
+            type Output = ();
+            fn step(&mut self, _: &Frame, (): &mut ()) -> Result<Flow> {
+                Ok(Flow::End)
+            }
+        }
+        let shutdown = Shutdown::new();
+        let link = bounded(1, &shutdown, Frame::default);
+        let mut graph = Graph::new(Clock::real(), &shutdown);
+        graph.spawn(Metrics::new("ends"), Ends, link.1, Nowhere).unwrap();
+        graph.spawn(Metrics::new("source"), Rare, Ticks(shutdown.clone()), link.0).unwrap();
+        graph.join(Duration::from_millis(1), || ()).unwrap();
     }
 
     #[test]

@@ -55,15 +55,16 @@ pub struct Service {
 }
 
 impl Service {
-    /// Opens everything that `config` names, then starts the threads. They end when the sequence does, on the
-    /// first error, and when `shutdown` is requested.
+    /// Opens everything that `config` names, then the output, so that a start that fails leaves an old output file
+    /// alone; then starts the threads. They end when the sequence does, on the first error, and when `shutdown` is
+    /// requested.
     ///
     /// # Errors
     /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can be
-    /// read; those of the system for threads and folders.
+    /// read; those of `open_output`; those of the system for threads and folders.
     pub fn start(
         config: &Config,
-        output: Output,
+        open_output: impl FnOnce() -> Result<Output>,
         pictures: Option<&Pictures>,
         shutdown: &Shutdown,
     ) -> Result<Self> {
@@ -74,6 +75,10 @@ impl Service {
         let extractor =
             Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
         let filter = LightFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
+        // The filter designs its taps when it sees the first list; what no taps can do is told before.
+        let taps =
+            design(format.frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))?;
+        let output = open_output()?;
 
         let clock = match config.pace {
             Pace::RealTime => Clock::real(),
@@ -94,8 +99,7 @@ impl Service {
                 })?;
                 // A map waits for its list until the filter lets it out; fewer places would stop the light stage,
                 // and with it the list that the map waits for.
-                let delay_frames = design(format.frame_rate_hz, &config.filter)?.delay_frames();
-                let waiting = u64::from(delay_frames) / pictures.every.max(1) + 1;
+                let waiting = u64::from(taps.delay_frames()) / pictures.every.max(1) + 1;
                 let (maps_in, maps_out) = link::bounded(LINK_CAPACITY + waiting as usize, shutdown, black);
                 let (lists_in, lists_out) = link::bounded(LINK_CAPACITY, shutdown, LightList::default);
                 let picture = stage::Picture::new(lists_out, pictures.folder.clone());

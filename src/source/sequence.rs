@@ -14,27 +14,21 @@ mod tests;
 use super::{Next, Source, pattern};
 use crate::error::{Error, Result};
 use crate::image::{Attributes, Frame, LatLongCentres, Pixels, read};
-use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 /// Which files to play, and how fast they were taken.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SequenceOptions {
     /// A pattern (`name.####.exr`, `name.%04d.exr`), a folder with one sequence, or one file.
     pub path: PathBuf,
     /// Frames per second; goes before what the files say. Needed where they say nothing, except for one picture
     /// that is not repeated.
-    #[serde(default)]
     pub frame_rate_hz: Option<f64>,
     /// Smallest file number to play.
-    #[serde(default)]
     pub first: Option<u64>,
     /// Largest file number to play.
-    #[serde(default)]
     pub last: Option<u64>,
     /// Play it again and again.
-    #[serde(default)]
     pub repeat: bool,
 }
 

@@ -37,6 +37,36 @@ fn a_value_that_only_its_algorithm_can_judge_is_refused_with_file_line_and_key()
 }
 
 #[test]
+fn a_filter_that_this_frame_rate_does_not_allow_is_refused_before_the_first_frame() {
+    refused(
+        &format!("{SOURCE}frame_rate_hz = 25\n[filter]\ndelay_s = 1000\n"),
+        &["[filter]", "delay_s = 1000"],
+    );
+}
+
+#[test]
+fn a_map_that_no_memory_holds_is_refused_with_file_and_section() {
+    refused(&format!("{SOURCE}[map]\ncolumns = 16384\nrows = 16384\n"), &["[map]", "16384 x 16384"]);
+}
+
+#[test]
+fn a_start_that_fails_leaves_the_old_output_file_alone() {
+    let recording = Recording::new(0);
+    let old = recording.path().join("lights.jsonl");
+    fs::write(&old, "an hour of lists").unwrap();
+    let output = recording.command().arg("--output").arg(&old).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert_eq!(fs::read_to_string(&old).unwrap(), "an hour of lists");
+}
+
+#[test]
+fn messages_that_nobody_can_receive_do_not_change_the_exit_code() {
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let status = lightcast().args(["run", "--config", "/nowhere/at/all.toml"]).stderr(full).status().unwrap();
+    assert_eq!(status.code(), Some(2));
+}
+
+#[test]
 fn a_configuration_that_is_missing_is_named() {
     let output = lightcast().args(["run", "--config", "/nowhere/at/all.toml"]).output().unwrap();
     assert_eq!(output.status.code(), Some(2));

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 const SIDE: usize = 64;
 
 /// Ten frames of sensor codes through a lens that looks up: a lamp 30 degrees from the axis, towards +X.
-fn fisheye(calibrated_side: usize, response: Response) -> (TempDir, Output) {
+fn fisheye(calibrated_side: usize, response: Response, camera_lines: &str) -> (TempDir, Output) {
     let folder = tempfile::tempdir().unwrap();
     let focal_px = 20.0;
     let lamp_column = (SIDE as f64 / 2.0 + focal_px * 30f64.to_radians()) as usize;
@@ -40,8 +40,10 @@ fn fisheye(calibrated_side: usize, response: Response) -> (TempDir, Output) {
     let configuration = folder.path().join("run.toml");
     fs::write(
         &configuration,
-        "[source]\nkind = \"sequence\"\npath = \"eye.##.png\"\nframe_rate_hz = 25\npace = \"fast\"\n\
-         [camera]\nprojection = \"fisheye\"\ncalibration = \"lens.json\"\n[lights]\ncount = 16\n",
+        format!(
+            "[source]\nkind = \"sequence\"\npath = \"eye.##.png\"\nframe_rate_hz = 25\npace = \"fast\"\n\
+             [camera]\nprojection = \"fisheye\"\ncalibration = \"lens.json\"\n{camera_lines}\n[lights]\ncount = 16\n"
+        ),
     )
     .unwrap();
     let output = lightcast().args(["run", "--config"]).arg(&configuration).output().unwrap();
@@ -54,7 +56,7 @@ fn linear() -> Response {
 
 #[test]
 fn sensor_codes_through_a_lens_become_lights_where_the_lamp_is() {
-    let (_folder, output) = fisheye(SIDE, linear());
+    let (_folder, output) = fisheye(SIDE, linear(), "");
     assert!(output.status.success(), "{}", stderr(&output));
     let found = lists(&output.stdout);
     assert_eq!(found.len(), 10);
@@ -73,7 +75,7 @@ fn sensor_codes_through_a_lens_become_lights_where_the_lamp_is() {
 
 #[test]
 fn a_calibration_for_another_size_is_refused_before_the_first_frame() {
-    let (_folder, output) = fisheye(32, linear());
+    let (_folder, output) = fisheye(32, linear(), "");
     let messages = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{messages}");
     for words in ["lens.json", "32 x 32", "64 x 64", "eye.##.png"] {
@@ -83,7 +85,17 @@ fn a_calibration_for_another_size_is_refused_before_the_first_frame() {
 
 #[test]
 fn sensor_codes_without_a_response_are_refused_before_the_first_frame() {
-    let (_folder, output) = fisheye(SIDE, Response::default());
+    let (_folder, output) = fisheye(SIDE, Response::default(), "");
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("no response"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("the key `response` of [camera]"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_response_in_the_configuration_serves_a_calibration_without_one() {
+    let (_first, in_calibration) = fisheye(SIDE, linear(), "");
+    let line = "response = { model = \"linear\", black_level = 50, white_level = 50000, gain = 1e-3 }";
+    let (_second, in_configuration) = fisheye(SIDE, Response::default(), line);
+    assert!(in_configuration.status.success(), "{}", stderr(&in_configuration));
+    assert_eq!(in_configuration.stdout, in_calibration.stdout);
 }

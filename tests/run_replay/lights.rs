@@ -48,7 +48,16 @@ fn lights_tells_what_is_wrong_and_where() {
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("sky.exr"), "{}", stderr(&output));
     write_exr(&map, &panorama(64, 32, 1), None, false).unwrap();
-    for options in [["--count", "0"], ["--resolution", "360"], ["--sampler", "best"]] {
+    for options in [
+        ["--count", "0"],
+        ["--resolution", "360"],
+        ["--resolution", "0x9"],
+        ["--resolution", "99999999999x99999999999"],
+        ["--sampler", "best"],
+    ] {
         assert_eq!(lights(&map, &options).status.code(), Some(2), "{options:?}");
     }
+    write_exr(&map, &panorama(32, 32, 1), None, false).unwrap();
+    let output = lights(&map, &[]);
+    assert!(output.status.success() && stderr(&output).contains("twice as wide"), "{}", stderr(&output));
 }

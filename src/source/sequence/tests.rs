@@ -216,11 +216,3 @@ fn sensor_codes_play_and_pictures_for_people_do_not() {
     assert_eq!(sequence.next(&mut frame).unwrap_err().kind(), Kind::BadFrame);
     assert_eq!(sequence.next(&mut frame).unwrap(), Next::End);
 }
-
-#[test]
-fn options_come_from_toml_and_unknown_keys_are_refused() {
-    let options: SequenceOptions = toml::from_str("path = \"a.####.exr\"\nfirst = 3\nrepeat = true").unwrap();
-    assert_eq!((options.first, options.last, options.repeat), (Some(3), None, true));
-    assert!(toml::from_str::<SequenceOptions>("path = \"a\"\nlooping = true").is_err());
-    assert!(toml::from_str::<SequenceOptions>("repeat = true").is_err());
-}

@@ -125,8 +125,9 @@ impl Panorama {
             Some(speed) => speed * frame_rate_hz,
             None => options.turn.degrees_per_second / 360.0 * columns as f64,
         };
-        if !(start_columns.is_finite() && columns_per_second.is_finite()) {
-            return Err("panorama.turn must be finite".into());
+        // Beyond 1e9 a millionth of a column is lost after a few seconds; infinity would give NaN.
+        if !(start_columns.abs() <= 1e9 && columns_per_second.abs() <= 1e9) {
+            return Err("panorama.turn must be at most 1e9 columns, and 1e9 columns per second".into());
         }
         let flickering = match &options.flicker {
             None => Vec::new(),
@@ -355,6 +356,7 @@ mod tests {
             "resolution = [41, 20]",
             "resolution = [40, 15]",
             "turn.start_deg = nan",
+            "turn.degrees_per_second = 1e308",
             "flicker = { columns = [2, 40], above_percentile = 97.0, frequency_hz = 1.0, depth = 0.5 }",
             "flicker = { columns = [2, 3], above_percentile = 101.0, frequency_hz = 1.0, depth = 0.5 }",
             "flicker = { columns = [2, 3], above_percentile = 1.0, frequency_hz = 1.0, depth = 1.5 }",

@@ -13,7 +13,7 @@ use super::sensor::Noise;
 use super::sky::Sky;
 use crate::camera::{Calibration, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
 use crate::error::{Error, Result};
-use crate::image::{Frame, LatLongCentres, read};
+use crate::image::{Frame, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, read};
 use glam::DMat3;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -62,7 +62,8 @@ impl FrameName {
         let (before, after) = (pattern[..start].to_owned(), pattern[start + digits..].to_owned());
         let plain = !pattern.contains(['/', '\\']) && !after.contains('#') && digits <= 18;
         // A digit beside the number would be read as part of it.
-        let apart = !before.ends_with(|c: char| c.is_ascii_digit());
+        let apart = !before.ends_with(|c: char| c.is_ascii_digit())
+            && !after.starts_with(|c: char| c.is_ascii_digit());
         (plain && apart).then_some(Self { before, digits, after, first_number })
     }
 
@@ -140,9 +141,6 @@ struct Fisheye {
     response: ResponseModel,
 }
 
-/// Largest share of a frame's samples that is worth a check: 2^27 pixels, as the readers accept.
-const PIXELS_MAX: usize = 1 << 27;
-
 impl Script {
     /// Reads a script. Paths in it are relative to its folder; those that begin with `data:` lie below `data`.
     ///
@@ -202,7 +200,7 @@ impl Keys {
             return Err("cells_per_pixel must be 1 to 64".into());
         }
         let name = FrameName::parse(&self.name, self.first_number).ok_or(
-            "name must hold one run of # for the number, not after a digit, and no folder: day.####.png",
+            "name must hold one run of # for the number, not beside a digit, and no folder: day.####.png",
         )?;
         let ascending = self.exposure.is_sorted_by(|a, b| a.time_s < b.time_s);
         let moderate = self.exposure.iter().all(|e| e.time_s.is_finite() && e.stops.abs() <= 100.0);
@@ -219,8 +217,15 @@ impl Keys {
             _ => return Err("lat_long or fisheye: one of the two sections must be there".into()),
         };
         let (width, height) = (projection.width(), projection.height());
-        if width == 0 || height == 0 || width.saturating_mul(height) > PIXELS_MAX {
-            return Err("lat_long width and height must be above 0, at most 2^27 pixels in all".into());
+        // What nobody could read back is not written.
+        if !(1..=MAX_SIDE_PX).contains(&width)
+            || !(1..=MAX_SIDE_PX).contains(&height)
+            || width * height > MAX_PIXELS
+        {
+            let section = if self.fisheye.is_some() { "fisheye" } else { "lat_long" };
+            return Err(format!(
+                "{section} width and height must be 1 to {MAX_SIDE_PX}, at most {MAX_PIXELS} pixels in all"
+            ));
         }
         let codes = !response.is_identity();
         let extension = if codes { ".png" } else { ".exr" };

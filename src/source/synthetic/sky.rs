@@ -136,6 +136,9 @@ impl Sky {
                 return Err("sky.sun.path needs entries that ascend in time_s".into());
             }
             for (i, waypoint) in sun.path.iter().enumerate() {
+                if !waypoint.time_s.is_finite() {
+                    return Err(format!("sky.sun.path[{i}].time_s must be finite"));
+                }
                 check_place(&format!("sky.sun.path[{i}]"), waypoint.azimuth_deg, waypoint.elevation_deg)?;
             }
         }
