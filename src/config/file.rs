@@ -16,6 +16,10 @@ use std::path::{Path, PathBuf};
 /// finger before they ask for all memory.
 const MAX_MAP_SIDE: usize = 16_384;
 
+/// Lowest rim of a polar map. Rows are told apart by the cosine of their angles in f64: at this limit 90 rows still
+/// have their solid angles within 1e-6, far below it all have the same cosine and the map would be black.
+const LEAST_POLAR_ANGLE_DEG: f64 = 0.1;
+
 /// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and the turn that this
 /// leaves open is far below a pixel.
 const ROTATION_TOLERANCE: f64 = 1e-5;
@@ -175,9 +179,9 @@ fn map_side<'de, D: Deserializer<'de>>(value: D) -> Result<usize, D::Error> {
 
 fn polar_angle<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
     let angle_deg = f64::deserialize(value)?;
-    if !(angle_deg > 0.0 && angle_deg <= 180.0) {
+    if !(LEAST_POLAR_ANGLE_DEG..=180.0).contains(&angle_deg) {
         return Err(D::Error::custom(format!(
-            "the lower rim is above 0 and at most 180 degrees, not {angle_deg}"
+            "the lower rim lies at {LEAST_POLAR_ANGLE_DEG} to 180 degrees, not at {angle_deg:?}"
         )));
     }
     Ok(angle_deg)
@@ -242,6 +246,11 @@ mod tests {
             ("[map]\n\nrows = 0", "line 6 (`rows = 0`): a side of the map has 1 to 16384 pixels, not 0"),
             ("[map]\ncolumns = -4", "line 5 (`columns = -4`): invalid value: integer `-4`"),
             ("[map]\ntheta_max_deg = nan", "line 5 (`theta_max_deg = nan`): the lower rim"),
+            (
+                "[map]\ntheta_max_deg = 1e-7",
+                "(`theta_max_deg = 1e-7`): the lower rim lies at 0.1 to 180 degrees",
+            ),
+            ("[map]\ntheta_max_deg = 180.1", "line 5 (`theta_max_deg = 180.1`): the lower rim"),
             ("frame_rate_hz = 0.0", "line 4 (`frame_rate_hz = 0.0`): a frame rate is above 0"),
             (
                 "pace = \"slow\"",

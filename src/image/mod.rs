@@ -19,3 +19,9 @@ pub use polar_map::{PolarMap, PolarShape};
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }
+
+/// [`luminance`] in f64, for sums over pixels.
+#[inline]
+pub fn luminance_f64(rgb: [f64; 3]) -> f64 {
+    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+}

@@ -1,6 +1,5 @@
 use super::Light;
-use super::refine::luminance;
-use crate::image::PolarMap;
+use crate::image::{PolarMap, luminance_f64};
 use crate::math::polar;
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -11,13 +10,13 @@ use std::f64::consts::TAU;
 /// stands for unknown.
 pub(super) fn equal_power(map: &PolarMap, directions: &[[f32; 3]], lights: &mut Vec<Light>) {
     let power = map.power();
-    let luminous_power = luminance(power);
+    let luminous_power = luminance_f64(power);
     let share = luminous_power / directions.len().max(1) as f64;
     lights.clear();
     lights.extend(directions.iter().enumerate().map(|(id, &direction)| {
         let pixel = pixel_towards(map, direction).map(f64::from);
-        let colour = if luminance(pixel) > 0.0 { pixel } else { power };
-        let scale = if luminous_power > 0.0 { share / luminance(colour) } else { 0.0 };
+        let colour = if luminance_f64(pixel) > 0.0 { pixel } else { power };
+        let scale = if luminous_power > 0.0 { share / luminance_f64(colour) } else { 0.0 };
         Light {
             id: id as u32,
             direction,

@@ -14,6 +14,10 @@ use serde::Deserialize;
 pub const MAX_LIGHTS: usize = 16_384;
 const MAX_PIXELS: usize = 1 << 28;
 
+/// The narrowest map. Directions are unit vectors in f32, good to 1e-7: in a narrower map they would lie on a raster
+/// of less than ten thousand steps, and far below it the heights of neighbouring rows are the same number.
+const LEAST_THETA_MAX_RAD: f64 = 1e-3;
+
 /// How a map becomes lights (METHODS section 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -92,7 +96,7 @@ impl Extractor {
     ///
     /// # Errors
     /// `Usage` for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps, and for a shape without
-    /// pixels, with too many, or not within the sphere.
+    /// pixels, with too many, narrower than 0.001 rad or not within the sphere.
     pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
         let Options { count, sampler, inversion, relaxation_steps } = *options;
         if !(1..=MAX_LIGHTS).contains(&count) {
@@ -110,10 +114,10 @@ impl Extractor {
                 shape.columns, shape.rows
             )));
         }
-        // Written so that NaN is refused.
-        if !(shape.theta_max_rad > 0.0 && shape.theta_max_rad <= std::f64::consts::PI) {
+        // NaN lies in no range.
+        if !(LEAST_THETA_MAX_RAD..=std::f64::consts::PI).contains(&shape.theta_max_rad) {
             return Err(Error::usage(format!(
-                "a polar map down to theta = {} rad; give more than 0 and at most pi",
+                "a polar map down to theta = {:?} rad; give {LEAST_THETA_MAX_RAD} to pi",
                 shape.theta_max_rad
             )));
         }

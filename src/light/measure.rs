@@ -13,9 +13,9 @@ const NORMAL_COUNT: usize = 300;
 /// Exponent of the glossy lobe.
 const GLOSSY_EXPONENT: i32 = 20;
 /// Half the side of the square of ground around the sphere.
-const GROUND_HALF_SIDE: f64 = 1.5;
+pub const GROUND_HALF_SIDE: f64 = 1.5;
 /// Radius of the sphere that rests on the ground at the origin.
-const SPHERE_RADIUS: f64 = 0.5;
+pub const SPHERE_RADIUS: f64 = 0.5;
 /// Emitters handled side by side, so that the compiler can use vector registers in sums whose order it must keep.
 const LANES: usize = 8;
 

@@ -44,7 +44,7 @@ pub struct MapIrradiance {
 struct Tables {
     shape: PolarShape,
     /// Cosine and sine per column.
-    azimuths: Vec<[f32; 2]>,
+    azimuths: Vec<[f64; 2]>,
     /// Per row: cosine and sine of theta, solid angle of a pixel.
     rows: Vec<[f64; 3]>,
 }
@@ -95,7 +95,7 @@ impl Tables {
     fn new(shape: PolarShape) -> Self {
         let azimuths = (0..shape.columns).map(|column| {
             let (sin, cos) = (TAU * (column as f64 + 0.5) / shape.columns as f64).sin_cos();
-            [cos as f32, sin as f32]
+            [cos, sin]
         });
         let rows = (0..shape.rows).map(|row| {
             let (sin, cos) = (shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64).sin_cos();
@@ -110,15 +110,13 @@ impl Tables {
         let azimuths = &self.azimuths[block.columns.clone()];
         for row in block.rows.clone() {
             let pixels = &map.pixels[row * self.shape.columns..][block.columns.clone()];
-            // A block's row is short: f32 keeps six digits of a handful of terms.
-            let (mut x, mut z, mut sum) = (0.0f32, 0.0f32, 0.0f32);
+            let (mut x, mut z, mut sum) = (0.0f64, 0.0f64, 0.0f64);
             for (&pixel, &[cos_phi, sin_phi]) in pixels.iter().zip(azimuths) {
-                let radiance = luminance(pixel);
+                let radiance = f64::from(luminance(pixel));
                 x += radiance * cos_phi;
                 z += radiance * sin_phi;
                 sum += radiance;
             }
-            let (x, z, sum) = (f64::from(x), f64::from(z), f64::from(sum));
             let [cos_theta, sin_theta, solid_angle] = self.rows[row];
             block.vector += DVec3::new(x * sin_theta, sum * cos_theta, z * sin_theta) * solid_angle;
             block.flux += sum * solid_angle;

@@ -6,14 +6,9 @@
 //! disc of radius 0.5 rad. Unlike the RMS itself it needs one pass, and shares can be joined exactly: F and V add.
 
 use super::Light;
-use crate::image::PolarMap;
+use crate::image::{PolarMap, luminance_f64};
 use glam::DVec3;
 use std::f64::consts::TAU;
-
-/// Weights of luminance, as in [`crate::image::luminance`]; f64 here, where shares are added up.
-pub(super) fn luminance(rgb: [f64; 3]) -> f64 {
-    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
-}
 
 /// RGB flux and luminous first moment of a share.
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,7 +21,7 @@ impl Share {
     /// The share that a light stands for.
     pub(super) fn of(light: &Light) -> Self {
         let flux = light.irradiance.map(f64::from);
-        let length = luminance(flux) * f64::from(light.spread_rad).cos();
+        let length = luminance_f64(flux) * f64::from(light.spread_rad).cos();
         Self { flux, moment: DVec3::from(light.direction.map(f64::from)) * length }
     }
 
@@ -39,7 +34,7 @@ impl Share {
 
     /// The light of this share; towards `site` where the share has no flux or its directions cancel.
     pub(super) fn light(&self, id: u32, site: [f32; 3]) -> Light {
-        let flux = luminance(self.flux);
+        let flux = luminance_f64(self.flux);
         let length = self.moment.length();
         // Below that part of the flux a resultant is the rounding of f64 sums over millions of pixels.
         let certain = length > 1e-9 * flux && length > 0.0;
@@ -106,7 +101,7 @@ impl Cells {
             for run in nearest.chunk_by(|a, b| a == b) {
                 let end = start + run.len();
                 let (flux, [x, z]) = sum_run(&pixels[start..end], &self.azimuths[start..end]);
-                let moment = DVec3::new(sin_theta * x, cos_theta * luminance(flux), sin_theta * z);
+                let moment = DVec3::new(sin_theta * x, cos_theta * luminance_f64(flux), sin_theta * z);
                 self.shares[run[0] as usize]
                     .add(&Share { flux: flux.map(|v| v * solid_angle), moment: moment * solid_angle });
                 start = end;
@@ -123,7 +118,7 @@ fn sum_run(pixels: &[[f32; 3]], azimuths: &[[f64; 2]]) -> ([f64; 3], [f64; 2]) {
     let (mut flux, mut moment) = ([0.0; 3], [0.0; 2]);
     for (pixel, azimuth) in pixels.iter().zip(azimuths) {
         let rgb = pixel.map(f64::from);
-        let y = luminance(rgb);
+        let y = luminance_f64(rgb);
         for channel in 0..3 {
             flux[channel] += rgb[channel];
         }

@@ -1,9 +1,11 @@
 //! Persistent lights over long sequences: what does not wear out, and what recovers.
 
+use super::error::NORMAL_COUNT;
+use super::measure::{Emitters, relative_rms};
 use super::test_maps::{real_map, real_maps};
 use super::{Extractor, Light, LightList, Options, Sampler};
-use crate::image::{PolarMap, PolarShape, luminance};
-use crate::math::{angle_between, fibonacci_sphere};
+use crate::image::{PolarMap, PolarShape};
+use crate::math::angle_between;
 use glam::DVec3;
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
@@ -20,42 +22,25 @@ fn direction(light: &Light) -> DVec3 {
     DVec3::from(light.direction.map(f64::from))
 }
 
-/// The irradiance measure of METHODS section 9 in f64, for turned maps: the lights are turned back instead.
+/// The irradiance measure of METHODS section 9, for turned maps: the lights are turned back instead.
 struct Measure {
-    normals: Vec<DVec3>,
     reference: Vec<f64>,
 }
 
 impl Measure {
     fn new(map: &PolarMap) -> Self {
-        let normals: Vec<DVec3> = fibonacci_sphere(300).collect();
-        let mut reference = vec![0.0; 300];
-        for row in 0..map.shape.rows {
-            for column in 0..map.shape.columns {
-                let flux = f64::from(luminance(map.pixels[row * map.shape.columns + column]))
-                    * map.shape.pixel_solid_angle(row);
-                let d = map.shape.pixel_direction(row, column);
-                for (sum, n) in reference.iter_mut().zip(&normals) {
-                    *sum += flux * n.dot(d).max(0.0);
-                }
-            }
-        }
-        Self { normals, reference }
+        Self { reference: Emitters::from_map(map).irradiances(NORMAL_COUNT) }
     }
 
     fn error(&self, lights: &[Light], turn_rad: f64) -> f64 {
         let (sin, cos) = turn_rad.sin_cos();
-        let mut values = vec![0.0; self.normals.len()];
-        for light in lights {
+        let turned_back = lights.iter().map(|light| {
             let d = direction(light);
             let back = DVec3::new(cos * d.x - sin * d.z, d.y, sin * d.x + cos * d.z);
-            let power = f64::from(light.luminance());
-            for (value, n) in values.iter_mut().zip(&self.normals) {
-                *value += power * n.dot(back).max(0.0);
-            }
-        }
-        let squares: f64 = values.iter().zip(&self.reference).map(|(v, r)| (v - r).powi(2)).sum();
-        (squares / 300.0).sqrt() / (self.reference.iter().sum::<f64>() / 300.0)
+            Light { direction: back.as_vec3().to_array(), ..*light }
+        });
+        let emitters = Emitters::from_lights(&turned_back.collect::<Vec<Light>>());
+        relative_rms(&emitters.irradiances(NORMAL_COUNT), &self.reference)
     }
 }
 

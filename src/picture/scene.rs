@@ -1,24 +1,25 @@
 use super::{Canvas, ToneCurve};
 use crate::image::PolarMap;
 use crate::light::Light;
+use crate::light::measure::{GROUND_HALF_SIDE, SPHERE_RADIUS};
 use crate::math::zone_solid_angle;
 use glam::{DVec3, Vec3};
+use multiversion::multiversion;
 
 /// Size of one of the two halves in pixels.
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
 /// Sub-samples of a pixel along each axis that decide which surfaces it shows.
 const COVERAGE_STEPS: usize = 3;
-/// The sphere rests on the ground at the origin; the ground is the square [-1.5, 1.5]^2.
-const SPHERE_RADIUS: f64 = 0.5;
-const GROUND_HALF_SIDE: f64 = 1.5;
 /// Albedos (Lambert).
 const SPHERE_ALBEDO: f32 = 0.75;
 const GROUND_ALBEDO: f32 = 0.55;
 /// Radiance of the backdrop in parts of the map's mean radiance.
 const BACKDROP: f64 = 0.1;
+/// Emitters that all patches are shaded by before the next come: 12 KiB of them.
+const STRETCH: usize = 512;
 /// Emitters summed side by side.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
 /// Directional lights of RGB irradiance above the horizon, one array per coordinate.
 struct Emitters {
@@ -59,40 +60,76 @@ impl Emitters {
         }
     }
 
+    /// Emitters from `start` to at most `start + STRETCH`.
+    fn stretch<'a>(&'a self, start: usize) -> Stretch<'a> {
+        let range = start..(start + STRETCH).min(self.xyz[0].len());
+        let lanes = |values: &'a Vec<f32>| -> &'a [[f32; LANES]] { values[range.clone()].as_chunks().0 };
+        Stretch { xyz: self.xyz.each_ref().map(lanes), rgb: self.rgb.each_ref().map(lanes) }
+    }
+}
+
+/// Emitters that fit into the first-level cache together with what they shine on.
+struct Stretch<'a> {
+    xyz: [&'a [[f32; LANES]]; 3],
+    rgb: [&'a [[f32; LANES]]; 3],
+}
+
+impl Stretch<'_> {
     /// Sum of irradiance times `weight(x, y, z)`.
     #[inline(always)]
     fn sum(&self, weight: impl Fn(f32, f32, f32) -> f32) -> [f32; 3] {
-        let [x, y, z] = &self.xyz;
-        let [r, g, b] = &self.rgb;
+        let ([x, y, z], [r, g, b]) = (self.xyz, self.rgb);
         let mut sums = [[0.0f32; LANES]; 3];
-        for start in (0..x.len()).step_by(LANES) {
-            let lanes = start..start + LANES;
-            let (x, y, z) = (&x[lanes.clone()], &y[lanes.clone()], &z[lanes.clone()]);
-            let (r, g, b) = (&r[lanes.clone()], &g[lanes.clone()], &b[lanes]);
+        for (((x, y), z), ((r, g), b)) in x.iter().zip(y).zip(z).zip(r.iter().zip(g).zip(b)) {
+            let mut weights = [0.0; LANES];
             for lane in 0..LANES {
-                let weight = weight(x[lane], y[lane], z[lane]);
-                sums[0][lane] += weight * r[lane];
-                sums[1][lane] += weight * g[lane];
-                sums[2][lane] += weight * b[lane];
+                weights[lane] = weight(x[lane], y[lane], z[lane]);
+            }
+            for (sum, irradiance) in sums.iter_mut().zip([r, g, b]) {
+                for lane in 0..LANES {
+                    sum[lane] += weights[lane] * irradiance[lane];
+                }
             }
         }
         sums.map(|lanes| lanes.iter().sum())
     }
+}
 
-    /// Radiance of the sphere where its normal is `n`.
-    fn sphere(&self, n: Vec3) -> [f32; 3] {
-        let irradiance = self.sum(|x, y, z| (x * n.x + y * n.y + z * n.z).max(0.0));
-        irradiance.map(|e| e * SPHERE_ALBEDO / std::f32::consts::PI)
-    }
+/// A piece of surface that a pixel shows.
+#[derive(Clone, Copy)]
+enum Surface {
+    Sphere { normal: Vec3 },
+    Ground { at: Vec3 },
+}
 
-    /// Radiance of the ground at (x, 0, z); a light is hidden as in [`crate::light::measure`].
-    fn ground(&self, at: Vec3) -> [f32; 3] {
-        let tangent_length = at.x.hypot(at.z);
-        let irradiance = self.sum(|x, y, z| {
-            let along = SPHERE_RADIUS as f32 * y - at.x * x - at.z * z;
-            if along > tangent_length { 0.0 } else { y }
-        });
-        irradiance.map(|e| e * GROUND_ALBEDO / std::f32::consts::PI)
+/// A surface, the pixel that shows it and the share of the pixel that it takes.
+struct Patch {
+    pixel: usize,
+    share: f32,
+    surface: Surface,
+}
+
+/// Adds the light of a stretch of emitters to the pixels of all patches. On the ground a light is hidden as in
+/// [`crate::light::measure`].
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
+fn add_light(stretch: &Stretch, patches: &[Patch], pixels: &mut [[f32; 3]]) {
+    for patch in patches {
+        let (irradiance, albedo) = match patch.surface {
+            Surface::Sphere { normal: n } => {
+                (stretch.sum(|x, y, z| f32::max(x * n.x + y * n.y + z * n.z, 0.0)), SPHERE_ALBEDO)
+            }
+            Surface::Ground { at } => {
+                let tangent_length = (at.x * at.x + at.z * at.z).sqrt();
+                let weight = |x: f32, y: f32, z: f32| {
+                    let along = SPHERE_RADIUS as f32 * y - at.x * x - at.z * z;
+                    if along > tangent_length { 0.0 } else { y }
+                };
+                (stretch.sum(weight), GROUND_ALBEDO)
+            }
+        };
+        for (value, irradiance) in pixels[patch.pixel].iter_mut().zip(irradiance) {
+            *value += irradiance * patch.share * albedo / std::f32::consts::PI;
+        }
     }
 }
 
@@ -141,42 +178,52 @@ impl Camera {
 /// The scene of METHODS section 9 twice: on the left shaded by the lights, on the right by every pixel of the map.
 /// Both halves share one tone curve and a dim backdrop of the map's mean colour: the camera sees no sky.
 pub fn draw_scene(map: &PolarMap, lights: &[Light]) -> Canvas {
-    let camera = Camera::new();
     let power = map.power();
     let extent = zone_solid_angle(0.0, map.shape.theta_max_rad, 1.0);
     let backdrop = power.map(|power| (BACKDROP * power / extent) as f32);
+    let (patches, backdrop_shares) = patches();
     let halves = [Emitters::of_lights(lights), Emitters::of_map(map)].map(|emitters| {
-        let pixels = (0..WIDTH * HEIGHT).map(|i| shade(&camera, &emitters, backdrop, i % WIDTH, i / WIDTH));
-        pixels.collect::<Vec<[f32; 3]>>()
+        let mut pixels: Vec<[f32; 3]> =
+            backdrop_shares.iter().map(|share| backdrop.map(|value| value * share)).collect();
+        for start in (0..emitters.xyz[0].len()).step_by(STRETCH) {
+            add_light(&emitters.stretch(start), &patches, &mut pixels);
+        }
+        pixels
     });
     let tone = ToneCurve::for_pixels(&halves[1]);
     Canvas::from_fn(2 * WIDTH, HEIGHT, |x, y| tone.apply(halves[x / WIDTH][y * WIDTH + x % WIDTH]))
 }
 
-/// Radiance of one pixel: every surface that it shows is shaded once, at its mean position, and counts by its share.
-fn shade(camera: &Camera, emitters: &Emitters, backdrop: [f32; 3], x: usize, y: usize) -> [f32; 3] {
-    let (mut normal, mut normals) = (DVec3::ZERO, 0);
-    let (mut at, mut ats) = (DVec3::ZERO, 0);
-    for i in 0..COVERAGE_STEPS * COVERAGE_STEPS {
-        let offset = |i: usize| (i as f64 + 0.5) / COVERAGE_STEPS as f64;
-        match camera.trace(x as f64 + offset(i % COVERAGE_STEPS), y as f64 + offset(i / COVERAGE_STEPS)) {
-            Hit::Sphere { normal: n } => (normal, normals) = (normal + n, normals + 1),
-            Hit::Ground { at: p } => (at, ats) = (at + p, ats + 1),
-            Hit::Backdrop => {}
+/// What the camera sees: patches of surface, and each pixel's share of backdrop. Every surface in a pixel is one
+/// patch, at its mean position.
+fn patches() -> (Vec<Patch>, Vec<f32>) {
+    let camera = Camera::new();
+    let (mut patches, mut backdrop_shares) = (Vec::new(), Vec::with_capacity(WIDTH * HEIGHT));
+    for pixel in 0..WIDTH * HEIGHT {
+        let (mut normal, mut normals) = (DVec3::ZERO, 0u8);
+        let (mut at, mut ats) = (DVec3::ZERO, 0u8);
+        for i in 0..COVERAGE_STEPS * COVERAGE_STEPS {
+            let offset = |i: usize| (i as f64 + 0.5) / COVERAGE_STEPS as f64;
+            let x = (pixel % WIDTH) as f64 + offset(i % COVERAGE_STEPS);
+            let y = (pixel / WIDTH) as f64 + offset(i / COVERAGE_STEPS);
+            match camera.trace(x, y) {
+                Hit::Sphere { normal: n } => (normal, normals) = (normal + n, normals + 1),
+                Hit::Ground { at: p } => (at, ats) = (at + p, ats + 1),
+                Hit::Backdrop => {}
+            }
         }
+        let share = |count: u8| f32::from(count) / (COVERAGE_STEPS * COVERAGE_STEPS) as f32;
+        if normals > 0 {
+            let normal = normal.normalize_or(DVec3::Y).as_vec3();
+            patches.push(Patch { pixel, share: share(normals), surface: Surface::Sphere { normal } });
+        }
+        if ats > 0 {
+            let at = (at / f64::from(ats)).as_vec3();
+            patches.push(Patch { pixel, share: share(ats), surface: Surface::Ground { at } });
+        }
+        backdrop_shares.push(1.0 - share(normals + ats));
     }
-    let share = 1.0 / (COVERAGE_STEPS * COVERAGE_STEPS) as f32;
-    let mut pixel = backdrop.map(|value| value * (1.0 - (normals + ats) as f32 * share));
-    let mut add = |radiance: [f32; 3], count: i32| {
-        (0..3).for_each(|channel| pixel[channel] += radiance[channel] * count as f32 * share);
-    };
-    if normals > 0 {
-        add(emitters.sphere(normal.normalize_or(DVec3::Y).as_vec3()), normals);
-    }
-    if ats > 0 {
-        add(emitters.ground((at / f64::from(ats)).as_vec3()), ats);
-    }
-    pixel
+    (patches, backdrop_shares)
 }
 
 #[cfg(test)]
@@ -214,9 +261,14 @@ mod tests {
             spread_rad: 0.0,
         };
         let emitters = Emitters::of_lights(&[sun]);
-        assert_eq!(emitters.ground(Vec3::new(0.67, 0.0, 0.0)), [0.0; 3]);
-        let lit = emitters.ground(Vec3::new(-0.67, 0.0, 0.0));
+        let shade = |surface| {
+            let mut pixel = [[0.0; 3]];
+            add_light(&emitters.stretch(0), &[Patch { pixel: 0, share: 1.0, surface }], &mut pixel);
+            pixel[0]
+        };
+        assert_eq!(shade(Surface::Ground { at: Vec3::new(0.67, 0.0, 0.0) }), [0.0; 3]);
+        let lit = shade(Surface::Ground { at: Vec3::new(-0.67, 0.0, 0.0) });
         assert!((lit[0] - 0.6 * GROUND_ALBEDO / std::f32::consts::PI).abs() < 1e-6);
-        assert_eq!(emitters.sphere(Vec3::X), [0.0; 3]);
+        assert_eq!(shade(Surface::Sphere { normal: Vec3::X }), [0.0; 3]);
     }
 }

@@ -1,7 +1,7 @@
 //! Error and time of the lights of single maps: the table of METHODS section 6.
 
 use crate::error::Result;
-use crate::image::{PolarMap, PolarShape, luminance};
+use crate::image::{PolarMap, PolarShape, luminance_f64};
 use crate::light::error::ListError;
 use crate::light::measure::{Errors, Reference};
 use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
@@ -111,12 +111,6 @@ pub fn measure(map: &PolarMap) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-fn luminance_f64(rgb: [f64; 3]) -> f64 {
-    // The weights sum to 1, so the f32 function serves for ratios of powers.
-    let largest = rgb.into_iter().fold(0.0, f64::max);
-    if largest > 0.0 { largest * f64::from(luminance(rgb.map(|v| (v / largest) as f32))) } else { 0.0 }
-}
-
 /// Geometric means of the errors of rows with the same method and number of lights, in the order of [`METHODS`] and
 /// [`COUNTS`]. An error of zero makes its mean zero.
 pub fn means(rows: &[Row]) -> Vec<(Method, usize, Errors)> {
@@ -200,6 +194,7 @@ pub fn mean_lines(rows: &[Row], map_count: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::test_maps::real_maps;
 
     #[test]
     fn more_and_better_lights_have_less_error_and_all_keep_the_power() {
@@ -219,6 +214,19 @@ mod tests {
         assert!((means[0].2.shadow / rows[0].errors.shadow - 1.0).abs() < 1e-12);
         assert_eq!(lines("map", &rows).len(), 7);
         assert!(mean_lines(&rows, 1)[1].trim_end().ends_with(&format!("{:.5}", rows[0].errors.glossy)));
+    }
+
+    #[test]
+    fn errors_over_the_thirteen_maps_reach_the_published_table() {
+        let maps = real_maps("errors_over_the_thirteen_maps_reach_the_published_table", SHAPE);
+        let rows: Vec<Row> = maps.iter().flat_map(|(_, map)| measure(map).unwrap()).collect();
+        let lines = mean_lines(&rows, maps.len());
+        lines.iter().for_each(|line| println!("{line}"));
+        // Header alone where there are no maps.
+        assert_eq!(lines.len(), if maps.is_empty() { 1 } else { 7 });
+        for line in &lines[1..] {
+            assert!(line.ends_with("ok"), "{line}");
+        }
     }
 
     #[test]

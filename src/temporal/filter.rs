@@ -186,8 +186,9 @@ fn write_row(list: &LightList, row: &mut [f32]) {
         for channel in 0..3 {
             powers[channel * count + slot] = lawful(light.irradiance[channel]);
         }
-        let finite = light.direction.iter().all(|value| value.is_finite());
-        let direction = if finite { light.direction } else { [0.0, 1.0, 0.0] };
+        let points_somewhere =
+            light.direction.iter().all(|value| value.is_finite()) && light.direction != [0.0; 3];
+        let direction = if points_somewhere { light.direction } else { [0.0, 1.0, 0.0] };
         vectors[3 * slot..3 * slot + 3].copy_from_slice(&direction);
         spreads[slot] = lawful(light.spread_rad);
     }

@@ -1,5 +1,5 @@
 use crate::recording::{Recording, lists, panorama, stderr};
-use lightcast::image::write_exr;
+use lightcast::image::{Pixels, write_exr};
 use std::fs;
 use std::path::Path;
 
@@ -44,6 +44,29 @@ fn a_file_of_the_wrong_size_in_the_middle_is_counted_and_named_and_the_run_goes_
     let recording = Recording::new(10);
     write_exr(&recording.file(4), &panorama(24, 12, 4), Some(25.0), false).unwrap();
     frame_4_is_lost(&recording, "24 x 12");
+}
+
+#[test]
+fn nan_negative_and_overflowed_half_pixels_of_a_file_are_counted_and_never_leave() {
+    let recording = Recording::new(6);
+    let mut frame = panorama(48, 24, 3);
+    let Pixels::Radiance(values) = &mut frame.pixels else { panic!("codes") };
+    // Pixels of the upper half, which the map sees; 1e6 is more than a half float holds.
+    for (row, column, value) in [(2, 7, f32::NAN), (3, 40, 1e6), (4, 0, -2.0), (11, 47, f32::NEG_INFINITY)] {
+        values[3 * (row * 48 + column) + 1] = value;
+    }
+    write_exr(&recording.file(3), &frame, Some(25.0), true).unwrap();
+    let output = recording.run();
+    let summary = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{summary}");
+    assert!(summary.contains("1 NaN, 1 infinite, 2 negative"), "{summary}");
+    let found = lists(&output.stdout);
+    assert_eq!(found.len(), 6);
+    // JSON has no NaN: it would stand there as null.
+    assert!(!String::from_utf8(output.stdout).unwrap().contains("null"));
+    for list in &found {
+        assert!(list["power"][1].as_f64().unwrap() > 0.0, "{list}");
+    }
 }
 
 #[test]
