@@ -197,6 +197,7 @@ pub(super) fn default_field_of_view(parameters: &LensParameters) -> (f64, &'stat
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::test_data::real_folder;
     use crate::math::angle_between;
 
     pub(crate) fn equidistant(width: usize, height: usize, field_of_view_deg: f64) -> LensParameters {
@@ -303,21 +304,10 @@ mod tests {
 
     #[test]
     fn published_directions_project_within_1e_9_px_and_back_within_1e_9_rad() {
-        let folder = std::env::var_os("LIGHTCAST_DATA").map_or_else(
-            || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-            Into::into,
-        );
-        let Ok(text) = std::fs::read_to_string(folder.join("calib/kb_vectors.csv")) else {
-            eprintln!(
-                "skipped: published_directions_project_within_1e_9_px_and_back_within_1e_9_rad: no real maps \
-                 in {}",
-                folder.display()
-            );
-            return;
-        };
+        let Some(folder) = real_folder("calib") else { return };
+        let text = std::fs::read_to_string(folder.join("kb_vectors.csv")).unwrap();
         let cameras: serde_json::Value =
-            serde_json::from_str(&std::fs::read_to_string(folder.join("calib/kb_cameras.json")).unwrap())
-                .unwrap();
+            serde_json::from_str(&std::fs::read_to_string(folder.join("kb_cameras.json")).unwrap()).unwrap();
         let (mut worst_px, mut worst_rad, mut count): (f64, f64, usize) = (0.0, 0.0, 0);
         for line in text.lines().skip(1) {
             let fields: Vec<&str> = line.split(',').collect();

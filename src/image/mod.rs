@@ -7,6 +7,8 @@ mod open_exr;
 mod png;
 mod polar_map;
 mod radiance;
+#[cfg(test)]
+pub(crate) mod test_data;
 
 pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, lat_long_note, read};
 pub use frame::{Frame, Pixels, Stamp};

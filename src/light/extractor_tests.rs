@@ -37,7 +37,7 @@ fn check_list(case: &str, list: &LightList, count: usize) {
 #[test]
 fn power_is_kept_on_every_real_map() {
     let mut worst = 0f64;
-    for (name, map) in real_maps("power_is_kept_on_every_real_map", SHAPE) {
+    for (name, map) in real_maps(SHAPE) {
         let expected = map.power();
         for sampler in SAMPLERS {
             for inversion in INVERSIONS {

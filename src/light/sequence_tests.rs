@@ -51,8 +51,8 @@ fn worst_and_p99(values: &mut [f64]) -> [f64; 2] {
 }
 
 /// A hundred turns of the garden, `step` columns a frame: no turn is worse than the first.
-fn hundred_turns(name: &str, step: usize) {
-    let Some(map) = real_map(name, "chinese_garden_1k.hdr", SHAPE) else { return };
+fn hundred_turns(step: usize) {
+    let Some(map) = real_map("chinese_garden_1k.hdr", SHAPE) else { return };
     let measure = Measure::new(&map);
     let mut extractor = extractor(Sampler::Persistent);
     let (mut list, mut frame, mut last) = (LightList::default(), map.clone(), Vec::new());
@@ -87,12 +87,12 @@ fn hundred_turns(name: &str, step: usize) {
 
 #[test]
 fn a_hundred_turns_of_a_sunny_panorama_wear_nothing_out() {
-    hundred_turns("a_hundred_turns_of_a_sunny_panorama_wear_nothing_out", 1);
+    hundred_turns(1);
 }
 
 #[test]
 fn a_hundred_fast_turns_of_a_sunny_panorama_wear_nothing_out() {
-    hundred_turns("a_hundred_fast_turns_of_a_sunny_panorama_wear_nothing_out", 4);
+    hundred_turns(4);
 }
 
 fn extractor(sampler: Sampler) -> Extractor {
@@ -109,7 +109,7 @@ fn fresh_error(map: &PolarMap, measure: &Measure, sampler: Sampler) -> f64 {
 #[test]
 fn cuts_between_real_maps_recover() {
     const FRAMES: usize = 40;
-    let maps = real_maps("cuts_between_real_maps_recover", SHAPE);
+    let maps = real_maps(SHAPE);
     let mut ratios: Vec<Vec<f64>> = vec![Vec::new(); FRAMES];
     for (to_name, to) in &maps {
         let measure = Measure::new(to);
@@ -149,7 +149,7 @@ fn cuts_between_real_maps_recover() {
 
 #[test]
 fn light_after_darkness_finds_fresh_sites_or_those_of_before() {
-    let Some(map) = real_map("light_after_darkness", "chinese_garden_1k.hdr", SHAPE) else { return };
+    let Some(map) = real_map("chinese_garden_1k.hdr", SHAPE) else { return };
     let black = PolarMap::black(SHAPE);
     let (mut dark_first, mut lit) = (extractor(Sampler::Persistent), extractor(Sampler::Persistent));
     let (mut list, mut expected) = (LightList::default(), LightList::default());
@@ -170,7 +170,7 @@ fn light_after_darkness_finds_fresh_sites_or_those_of_before() {
 
 #[test]
 fn a_strobe_at_every_frame_moves_no_light_more_than_steady_light_does() {
-    let Some(map) = real_map("a_strobe_at_every_frame", "dancing_hall_1k.hdr", SHAPE) else { return };
+    let Some(map) = real_map("dancing_hall_1k.hdr", SHAPE) else { return };
     // Powers of two: every product is exact, and the lights must be the same bit for bit.
     let bright = PolarMap { pixels: map.pixels.iter().map(|p| p.map(|v| 16.0 * v)).collect(), ..map.clone() };
     let (mut strobe, mut steady) = (extractor(Sampler::Persistent), extractor(Sampler::Persistent));

@@ -1,23 +1,11 @@
 //! Real and awkward maps for tests of this room and of `sampling`.
 
+use crate::image::test_data::real_folder;
 use crate::image::{PolarMap, PolarShape};
-use std::path::PathBuf;
-
-/// The folder of real maps, or `None` after a line on standard error that names the skipped test.
-pub(crate) fn env_folder(test: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("LIGHTCAST_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    let folder = data.join("env");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: {test}: no real maps in {}", folder.display());
-    None
-}
 
 /// Name and map of every `*_1k.hdr`, in the order of their names, averaged to `shape`; empty where there are none.
-pub(crate) fn real_maps(test: &str, shape: PolarShape) -> Vec<(String, PolarMap)> {
-    let Some(folder) = env_folder(test) else { return Vec::new() };
+pub(crate) fn real_maps(shape: PolarShape) -> Vec<(String, PolarMap)> {
+    let Some(folder) = real_folder("env") else { return Vec::new() };
     let mut names: Vec<String> = std::fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -25,12 +13,12 @@ pub(crate) fn real_maps(test: &str, shape: PolarShape) -> Vec<(String, PolarMap)
         .collect();
     names.sort();
     assert_eq!(names.len(), 13);
-    names.into_iter().map(|name| (name.clone(), real_map(test, &name, shape).unwrap())).collect()
+    names.into_iter().map(|name| (name.clone(), real_map(&name, shape).unwrap())).collect()
 }
 
 /// One real map, averaged to `shape`; `None` where there are none.
-pub(crate) fn real_map(test: &str, name: &str, shape: PolarShape) -> Option<PolarMap> {
-    let file = std::fs::File::open(env_folder(test)?.join(name)).unwrap();
+pub(crate) fn real_map(name: &str, shape: PolarShape) -> Option<PolarMap> {
+    let file = std::fs::File::open(real_folder("env")?.join(name)).unwrap();
     let decoder = ::image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file)).unwrap();
     let picture = ::image::DynamicImage::from_decoder(decoder).unwrap().into_rgb32f();
     let (width, height) = (picture.width() as usize, picture.height() as usize);

@@ -139,9 +139,8 @@ mod tests {
 
     #[test]
     fn garden_and_hall_are_as_steady_as_published() {
-        let name = "garden_and_hall_are_as_steady_as_published";
-        let Some(garden) = real_map(name, "chinese_garden_1k.hdr", SHAPE) else { return };
-        let Some(hall) = real_map(name, "dancing_hall_1k.hdr", SHAPE) else { return };
+        let Some(garden) = real_map("chinese_garden_1k.hdr", SHAPE) else { return };
+        let Some(hall) = real_map("dancing_hall_1k.hdr", SHAPE) else { return };
         let rows = measure(&garden, &hall).unwrap();
         let lines = lines(&rows);
         lines.iter().for_each(|line| println!("{line}"));

@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn errors_over_the_thirteen_maps_reach_the_published_table() {
-        let maps = real_maps("errors_over_the_thirteen_maps_reach_the_published_table", SHAPE);
+        let maps = real_maps(SHAPE);
         let rows: Vec<Row> = maps.iter().flat_map(|(_, map)| measure(map).unwrap()).collect();
         let lines = mean_lines(&rows, maps.len());
         lines.iter().for_each(|line| println!("{line}"));

@@ -136,10 +136,10 @@ fn round_trips_on_hard_maps() {
 
 #[test]
 fn round_trips_on_real_maps() {
-    for (name, map) in real_maps("round_trips_on_real_maps", PolarShape::hemisphere(360, 90)) {
+    for (name, map) in real_maps(PolarShape::hemisphere(360, 90)) {
         check(&name, &map);
     }
-    for (name, map) in real_maps("round_trips_on_real_maps", PolarShape::sphere(120, 60)) {
+    for (name, map) in real_maps(PolarShape::sphere(120, 60)) {
         check(&format!("{name} (sphere)"), &map);
     }
 }
@@ -177,8 +177,7 @@ fn samples_have_the_density_that_pdf_says() {
 
 #[test]
 fn standard_integral_is_the_power_of_the_map() {
-    for (name, map) in real_maps("standard_integral_is_the_power_of_the_map", PolarShape::hemisphere(360, 90))
-    {
+    for (name, map) in real_maps(PolarShape::hemisphere(360, 90)) {
         let values = luminances(&map);
         let power = luminance_f64(map.power());
         let [standard, bicontinuous] = Either::both(map.shape, &values);

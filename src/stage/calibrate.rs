@@ -28,37 +28,36 @@ impl Stage for Calibrate {
             .frame_to_polar
             .apply(frame, &self.response, map)
             .map_err(|error| error.at(format_args!("frame {}", frame.stamp.sequence)))?;
-        self.counters.add(&counts);
+        self.counters.add(&counts, frame.stamp.sequence);
         Ok(Flow::Send)
     }
 }
 
-/// Sums of [`PixelCounts`] over the run.
-struct PixelCounters {
-    saturated: Counter,
-    black_clipped: Counter,
-    nan: Counter,
-    infinite: Counter,
-    negative: Counter,
+/// Pixels of one kind: the sum over the run, and the most in a frame that the log has named. A frame is named when
+/// it has twice as many, so that the first and the worst are known and a bad camera does not fill the log.
+struct PixelCounter {
+    kind: &'static str,
+    sum: Counter,
+    named: u64,
 }
+
+/// One counter for each kind of [`PixelCounts`].
+struct PixelCounters([PixelCounter; 5]);
 
 impl PixelCounters {
     fn new(metrics: &Metrics) -> Self {
-        Self {
-            saturated: metrics.counter("saturated"),
-            black_clipped: metrics.counter("black-clipped"),
-            nan: metrics.counter("NaN"),
-            infinite: metrics.counter("infinite"),
-            negative: metrics.counter("negative"),
-        }
+        let counter = |kind| PixelCounter { kind, sum: metrics.counter(kind), named: 0 };
+        Self(["saturated", "black-clipped", "NaN", "infinite", "negative"].map(counter))
     }
 
-    fn add(&self, counts: &PixelCounts) {
+    fn add(&mut self, counts: &PixelCounts, sequence: u64) {
         let PixelCounts { saturated, black_clipped, nan, infinite, negative } = *counts;
-        self.saturated.add(saturated);
-        self.black_clipped.add(black_clipped);
-        self.nan.add(nan);
-        self.infinite.add(infinite);
-        self.negative.add(negative);
+        for (counter, count) in self.0.iter_mut().zip([saturated, black_clipped, nan, infinite, negative]) {
+            counter.sum.add(count);
+            if count > 0 && count >= 2 * counter.named {
+                counter.named = count;
+                tracing::warn!("frame {sequence}: {count} pixels {}", counter.kind);
+            }
+        }
     }
 }

@@ -1,4 +1,5 @@
 use super::*;
+use crate::image::test_data::real_folder;
 
 const OWN: &str = r#"{
   "version": 1,
@@ -148,13 +149,7 @@ fn files_are_named_and_bounded() {
 
 #[test]
 fn real_kalibr_files_load() {
-    let folder = std::env::var_os("LIGHTCAST_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), Into::into)
-        .join("calib");
-    if !folder.exists() {
-        eprintln!("skipped: real_kalibr_files_load: no real maps in {}", folder.display());
-        return;
-    }
+    let Some(folder) = real_folder("calib") else { return };
     for (file, cx) in [
         ("tum_vi/kalibr_imucam_chain.yaml", 254.93170605935475),
         ("t265_kalibr_imucam_chain.yaml", 415.9558137753508),

@@ -2,8 +2,8 @@ use super::integrate::View;
 use super::*;
 use crate::camera::{Calibration, FrameToPolar, Response};
 use crate::error::{Error, Kind, TomlText};
+use crate::image::test_data::real_folder;
 use crate::image::{PolarMap, PolarShape, read};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 const SKY: &str = "
@@ -58,16 +58,7 @@ fn replay(name: &str) -> PathBuf {
 }
 
 fn data() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    let data = std::env::var_os("LIGHTCAST_DATA").map_or(default, PathBuf::from);
-    let found = data.join("env/chinese_garden_1k.hdr").is_file();
-    if !found {
-        let test = std::thread::current().name().unwrap_or_default().to_owned();
-        // Not eprintln!, which the test harness swallows when a test passes; in one piece, as tests run side by side.
-        let line = format!("skipped: {test}: no real maps in {}\n", data.display());
-        let _ = std::io::stderr().write_all(line.as_bytes());
-    }
-    found.then_some(data)
+    real_folder("env").and_then(|folder| folder.parent().map(Path::to_path_buf))
 }
 
 #[test]
