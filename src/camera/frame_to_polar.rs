@@ -5,20 +5,26 @@
 //! frame's. The overlaps are those of polygons that tile the field of view (`footprints`), in the equal-area
 //! cylinder where map pixels are rectangles (`overlap`).
 //!
-//! The matrix is stored in the frame's order: a frame is streamed once, each row is turned into radiance in a
-//! buffer that stays in the first-level cache, and runs of neighbouring pixels that fall on the same map pixel
-//! are added up with one weight per pixel and eight bytes per run. The map, small against frame and matrix, is
-//! what is accessed out of order.
+//! A frame is streamed once, in bands of rows that are turned into radiance in a buffer that stays in the
+//! second-level cache. A band's part of the matrix is ordered by map pixel: chunks of four neighbouring pixels, with
+//! a weight per pixel and two bytes per chunk, are added up in four lanes, and the lanes once per band and map pixel.
+//! The map, small against frame and matrix, is what is accessed out of order.
 
+use super::band_kernels::{
+    BandMatrix, CHUNKS_MAX, Group, LANES, PLANE, add_band, decode_codes, decode_radiance,
+};
 use super::footprints::Footprints;
 use super::overlap::OverlapGrid;
-use super::row_kernels::{CHUNKS_MAX, LANES, Run, ShortRuns, add_runs, decode_codes, decode_radiance};
 use super::{PixelCounts, Projection, Response};
 use crate::error::{Error, Result};
 use crate::image::{Frame, Pixels, PolarMap, PolarShape};
-use glam::{DMat3, DQuat};
+use glam::{DMat3, DQuat, Vec4};
 use std::f64::consts::PI;
 use std::ops::Range;
+
+/// Pixels of a band, unless one row has more: their numbers have 16 bits, a plane of their radiance takes 128 KiB of
+/// the second-level cache, and most map pixels have all of their rows in one or two bands.
+const BAND_PIXELS: usize = 1 << 15;
 
 /// The sparse matrix from a frame's pixels to a polar map's, for one lens, rotation and map.
 #[derive(Clone, Debug)]
@@ -26,33 +32,44 @@ pub struct FrameToPolar {
     width: usize,
     height: usize,
     shape: PolarShape,
-    rows: Vec<RowEnds>,
-    /// Stretches of columns that the map sees.
-    spans: Vec<Range<u16>>,
-    runs: Vec<Run>,
-    weights: Vec<f32>,
+    /// Rows of the frame in a band; the last band may have fewer.
+    band_rows: usize,
+    bands: Vec<BandEnds>,
+    /// Stretches of pixels that the map sees, numbered through the frame.
+    spans: Vec<Range<u32>>,
+    groups: Vec<Group>,
+    cells: Vec<u32>,
+    starts: Vec<u16>,
+    weights: Vec<Vec4>,
     coverage: Vec<f32>,
-    /// Radiance of the current row, one plane per channel.
+    /// Radiance of the current band, one plane per channel.
     radiance: Vec<f32>,
-    /// Map under construction, one plane per channel. In f64: a map pixel may be the sum of thousands of runs.
+    /// Map under construction, one plane per channel. In f64: a map pixel may be the sum of thousands of parts.
     sums: Vec<f64>,
 }
 
-/// Where a row's parts end; they start where the row before ended.
+/// Where a band's parts of the lists end; they start where the band before ended.
 #[derive(Clone, Copy, Debug, Default)]
-struct RowEnds {
+struct BandEnds {
     spans: usize,
-    runs: usize,
-    weights: usize,
-    short: ShortRuns,
+    groups: usize,
+    cells: usize,
+    chunks: usize,
 }
 
-/// Overlap of one pixel of the current row with one map pixel.
+/// Overlap of one pixel of the current band with one map pixel.
 #[derive(Clone, Copy, Debug)]
 struct Overlap {
     cell: u32,
-    column: u16,
+    /// Number in the band.
+    pixel: u16,
     solid_angle_sr: f64,
+}
+
+/// Part of a map pixel: the chunks of one sum.
+struct Part {
+    cell: u32,
+    chunks: Range<usize>,
 }
 
 impl FrameToPolar {
@@ -67,34 +84,41 @@ impl FrameToPolar {
         let world_from_camera = rotation(world_from_camera)?;
         check_shape(shape)?;
         let (width, height) = (projection.width(), projection.height());
+        // A row alone has 65,535 pixels at most.
+        let band_rows = (BAND_PIXELS / width).clamp(1, height);
         let mut matrix = Self {
             width,
             height,
             shape,
-            rows: Vec::with_capacity(height),
+            band_rows,
+            bands: Vec::with_capacity(height.div_ceil(band_rows)),
             spans: Vec::new(),
-            runs: Vec::new(),
+            groups: Vec::new(),
+            cells: Vec::new(),
+            starts: Vec::new(),
             weights: Vec::new(),
             coverage: Vec::new(),
-            radiance: vec![0.0; 3 * (width + LANES)],
+            radiance: vec![0.0; 3 * PLANE],
             sums: vec![0.0; 3 * shape.len()],
         };
         let mut coverage_sr = vec![0.0f64; shape.len()];
         let mut grid = OverlapGrid::new(shape);
         let mut overlaps: Vec<Overlap> = Vec::new();
         Footprints::new(projection, world_from_camera).for_each(|row, column, polygon| {
-            while matrix.rows.len() < row {
-                matrix.end_row(&mut overlaps);
+            while matrix.bands.len() < row / band_rows {
+                matrix.end_band(&mut overlaps);
             }
+            let pixel = (row % band_rows * width + column) as u16;
             grid.overlaps(polygon, |cell, solid_angle_sr| {
                 coverage_sr[cell] += solid_angle_sr;
-                overlaps.push(Overlap { cell: cell as u32, column: column as u16, solid_angle_sr });
+                overlaps.push(Overlap { cell: cell as u32, pixel, solid_angle_sr });
             });
         });
-        while matrix.rows.len() < height {
-            matrix.end_row(&mut overlaps);
+        while matrix.bands.len() < height.div_ceil(band_rows) {
+            matrix.end_band(&mut overlaps);
         }
-        matrix.runs.shrink_to_fit();
+        matrix.cells.shrink_to_fit();
+        matrix.starts.shrink_to_fit();
         matrix.weights.shrink_to_fit();
         matrix.coverage = coverage_sr
             .iter()
@@ -104,59 +128,60 @@ impl FrameToPolar {
         Ok(matrix)
     }
 
-    /// Turns the overlaps of a row into runs, and empties them.
-    fn end_row(&mut self, overlaps: &mut Vec<Overlap>) {
-        overlaps.sort_unstable_by_key(|overlap| (overlap.cell, overlap.column));
+    /// Turns the overlaps of a band into its matrix, and empties them.
+    fn end_band(&mut self, overlaps: &mut Vec<Overlap>) {
+        overlaps.sort_unstable_by_key(|overlap| (overlap.cell, overlap.pixel));
         // Pieces of one pixel that fall on the same map pixel.
         overlaps.dedup_by(|next, kept| {
-            let same = (next.cell, next.column) == (kept.cell, kept.column);
+            let same = (next.cell, next.pixel) == (kept.cell, kept.pixel);
             if same {
                 kept.solid_angle_sr += next.solid_angle_sr;
             }
             same
         });
-        let mut runs: Vec<&[Overlap]> = Vec::new();
-        let mut rest = overlaps.as_slice();
-        while let Some(first) = rest.first() {
-            let length = rest
-                .iter()
-                .take(CHUNKS_MAX * LANES)
-                .zip(0u32..)
-                .take_while(|(next, index)| {
-                    next.cell == first.cell && u32::from(next.column) == u32::from(first.column) + index
-                })
-                .count();
-            let (run, after) = rest.split_at(length);
-            runs.push(run);
-            rest = after;
+        let (mut starts, mut weights): (Vec<u16>, Vec<Vec4>) = (Vec::new(), Vec::new());
+        let mut parts: Vec<Part> = Vec::new();
+        for overlap in overlaps.iter() {
+            let chunk = starts.len();
+            let solid_angle_sr = self.shape.pixel_solid_angle(overlap.cell as usize / self.shape.columns);
+            let weight = (overlap.solid_angle_sr / solid_angle_sr) as f32;
+            match parts.last_mut().filter(|part| part.cell == overlap.cell) {
+                Some(_) if usize::from(overlap.pixel - starts[chunk - 1]) < LANES => {
+                    weights[chunk - 1][usize::from(overlap.pixel - starts[chunk - 1])] = weight;
+                    continue;
+                }
+                Some(part) if part.chunks.len() < CHUNKS_MAX => part.chunks.end += 1,
+                _ => parts.push(Part { cell: overlap.cell, chunks: chunk..chunk + 1 }),
+            }
+            starts.push(overlap.pixel);
+            // Zeros, where they stay, meet pixels of the band or what an earlier one left, all finite.
+            weights.push(Vec4::new(weight, 0.0, 0.0, 0.0));
         }
-        // Stable: runs of one length stay in the map's order.
-        runs.sort_by_key(|run| run.len().div_ceil(LANES));
-        let mut short = ShortRuns::default();
-        for run in runs {
-            let first = run[0];
-            let solid_angle_sr = self.shape.pixel_solid_angle(first.cell as usize / self.shape.columns);
-            self.weights.extend(run.iter().map(|overlap| (overlap.solid_angle_sr / solid_angle_sr) as f32));
-            // Filled up with zeros: they meet pixels of the row or the fill behind it, all finite.
-            self.weights.resize(self.weights.len().next_multiple_of(LANES), 0.0);
-            let chunks = run.len().div_ceil(LANES) as u16;
-            short.of_one += usize::from(chunks == 1);
-            short.of_two += usize::from(chunks == 2);
-            self.runs.push(Run { cell: first.cell, start: first.column, chunks });
+        // Stable: parts of one length stay in the map's order.
+        parts.sort_by_key(|part| part.chunks.len());
+        for group in parts.chunk_by(|a, b| a.chunks.len() == b.chunks.len()) {
+            self.groups.push(Group { chunks: group[0].chunks.len() as u32, parts: group.len() as u32 });
+        }
+        for part in parts {
+            self.cells.push(part.cell);
+            self.starts.extend_from_slice(&starts[part.chunks.clone()]);
+            self.weights.extend_from_slice(&weights[part.chunks]);
         }
         let first_span = self.spans.len();
-        overlaps.sort_unstable_by_key(|overlap| overlap.column);
+        let first_pixel = (self.bands.len() * self.band_rows * self.width) as u32;
+        overlaps.sort_unstable_by_key(|overlap| overlap.pixel);
         for overlap in overlaps.drain(..) {
+            let pixel = first_pixel + u32::from(overlap.pixel);
             match self.spans[first_span..].last_mut() {
-                Some(span) if overlap.column <= span.end => span.end = overlap.column + 1,
-                _ => self.spans.push(overlap.column..overlap.column + 1),
+                Some(span) if pixel <= span.end => span.end = pixel + 1,
+                _ => self.spans.push(pixel..pixel + 1),
             }
         }
-        self.rows.push(RowEnds {
+        self.bands.push(BandEnds {
             spans: self.spans.len(),
-            runs: self.runs.len(),
-            weights: self.weights.len(),
-            short,
+            groups: self.groups.len(),
+            cells: self.cells.len(),
+            chunks: self.starts.len(),
         });
     }
 
@@ -173,54 +198,54 @@ impl FrameToPolar {
 
     /// Bytes of the matrix that every frame streams.
     pub fn streamed_bytes(&self) -> usize {
-        size_of_val(self.runs.as_slice())
+        size_of_val(self.cells.as_slice())
+            + size_of_val(self.starts.as_slice())
             + size_of_val(self.weights.as_slice())
+            + size_of_val(self.groups.as_slice())
             + size_of_val(self.spans.as_slice())
-            + size_of_val(self.rows.as_slice())
+            + size_of_val(self.bands.as_slice())
     }
 
     /// Fills `map` from a frame of raw codes (through the response) or of linear radiance (as it is: the
     /// response is for codes) and gives it the frame's stamp. One channel fills all three. Returns the counts
     /// of the pixels that hold no radiance, among those that the map sees.
     ///
-    /// Rounding stays below 1e-5 of every map pixel: weights and radiances are rounded once to f32, a run's
-    /// sum 70 times at most, and runs are added in f64. Allocates only when `map` has another shape.
+    /// Rounding stays below 1e-5 of every map pixel: weights and radiances are rounded once to f32, the sum
+    /// of a map pixel's part in a band 70 times at most, and those are added in f64. Allocates only when `map` has another shape.
     ///
     /// # Errors
     /// `BadFrame`, naming what the frame has and what the calibration wants: size, channels, samples, and codes
     /// without a response.
     pub fn apply(&mut self, frame: &Frame, response: &Response, map: &mut PolarMap) -> Result<PixelCounts> {
         self.check_frame(frame, response)?;
-        let stride = self.width + LANES;
         let cells = self.shape.len();
-        let (channels, row_samples) = (frame.channels, self.width * frame.channels);
+        let channels = frame.channels;
         self.sums[..channels * cells].fill(0.0);
         let mut counts = PixelCounts::default();
-        let mut start = RowEnds::default();
-        for (row, end) in self.rows.iter().enumerate() {
+        let mut start = BandEnds::default();
+        for (band, end) in self.bands.iter().enumerate() {
+            let first_pixel = band * self.band_rows * self.width;
             for span in &self.spans[start.spans..end.spans] {
-                let columns = usize::from(span.start)..usize::from(span.end);
-                let samples =
-                    row * row_samples + columns.start * channels..row * row_samples + columns.end * channels;
-                let planes = &mut self.radiance[columns.start..];
+                let pixels = span.start as usize..span.end as usize;
+                let samples = pixels.start * channels..pixels.end * channels;
+                let planes = &mut self.radiance[pixels.start - first_pixel..];
                 counts.add(&match &frame.pixels {
                     Pixels::Codes(codes) => {
                         let lookup = (response.table(), response.black_clip_code());
-                        decode_codes(&codes[samples], channels, lookup, planes, stride)
+                        decode_codes(&codes[samples], channels, lookup, planes)
                     }
-                    Pixels::Radiance(radiance) => {
-                        decode_radiance(&radiance[samples], channels, planes, stride)
-                    }
+                    Pixels::Radiance(radiance) => decode_radiance(&radiance[samples], channels, planes),
                 });
             }
-            for channel in 0..channels {
-                add_runs(
-                    &self.runs[start.runs..end.runs],
-                    end.short,
-                    &self.weights[start.weights..end.weights],
-                    &self.radiance[channel * stride..(channel + 1) * stride],
-                    &mut self.sums[channel * cells..(channel + 1) * cells],
-                );
+            let matrix = BandMatrix {
+                groups: &self.groups[start.groups..end.groups],
+                cells: &self.cells[start.cells..end.cells],
+                starts: &self.starts[start.chunks..end.chunks],
+                weights: &self.weights[start.chunks..end.chunks],
+            };
+            let (planes, _) = self.radiance.as_chunks::<PLANE>();
+            for (plane, sums) in planes.iter().zip(self.sums.chunks_exact_mut(cells)).take(channels) {
+                add_band(matrix, plane, sums);
             }
             start = *end;
         }

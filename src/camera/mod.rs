@@ -3,6 +3,7 @@
 //! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is
 //! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.
 
+mod band_kernels;
 mod calibration;
 mod chart;
 mod document;
@@ -16,7 +17,6 @@ mod pixel_counts;
 mod projection;
 mod radial_polynomial;
 mod response;
-mod row_kernels;
 
 #[cfg(test)]
 mod energy_tests;

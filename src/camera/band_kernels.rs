@@ -1,0 +1,244 @@
+//! The inner loops of [`super::FrameToPolar`], over one band of a frame's rows.
+//!
+//! Portable code on arrays of lanes, compiled for several instruction sets and chosen at run time. Products and
+//! sums are written apart (no fused multiply-add), so every instruction set gives the same bits.
+
+use super::PixelCounts;
+use glam::Vec4;
+use multiversion::multiversion;
+
+/// Weights per chunk; a chunk of fewer pixels is filled up with weights of zero. Four, because a map pixel is often
+/// only 3 to 10 pixels of the frame wide: longer chunks would be mostly fill.
+pub(super) const LANES: usize = 4;
+
+/// Chunks per sum at most. A lane then adds 64 products of f32 and the lanes three sums, in all less than
+/// 70 roundings of 2^-24 = 4e-6 of a sum of positive numbers; from there on sums are f64.
+pub(super) const CHUNKS_MAX: usize = 64;
+
+/// Length of a plane of radiance: every number of 16 bits is the start of a chunk in it, without a check.
+pub(super) const PLANE: usize = (1 << 16) + LANES;
+
+/// Parts of map pixels that are sums of equally many chunks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Group {
+    /// Chunks per part.
+    pub(super) chunks: u32,
+    /// Number of parts.
+    pub(super) parts: u32,
+}
+
+/// The matrix of one band: parts of map pixels in groups, the parts' chunks one after another.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BandMatrix<'a> {
+    pub(super) groups: &'a [Group],
+    /// Map pixel of every part.
+    pub(super) cells: &'a [u32],
+    /// First pixel in the band of every chunk.
+    pub(super) starts: &'a [u16],
+    /// Weights of every chunk.
+    pub(super) weights: &'a [Vec4],
+}
+
+/// `sums[cell] += weights . radiance` for every part. Parts come in groups of one length because the processor
+/// cannot foresee a loop's length otherwise, and a wrong guess costs more than a part.
+#[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
+pub(super) fn add_band(band: BandMatrix, radiance: &[f32; PLANE], sums: &mut [f64]) {
+    add_band_body(band, radiance, sums);
+}
+
+#[inline(always)]
+fn add_band_body(band: BandMatrix, radiance: &[f32; PLANE], sums: &mut [f64]) {
+    let BandMatrix { groups, mut cells, mut starts, mut weights } = band;
+    for group in groups {
+        let (parts, chunks) = (group.parts as usize, group.chunks as usize);
+        let own_cells = cells.split_off(..parts).unwrap_or_default();
+        let own_starts = starts.split_off(..parts * chunks).unwrap_or_default();
+        let own_weights = weights.split_off(..parts * chunks).unwrap_or_default();
+        for ((&cell, starts), weights) in
+            own_cells.iter().zip(own_starts.chunks_exact(chunks)).zip(own_weights.chunks_exact(chunks))
+        {
+            sums[cell as usize] += product(starts, weights, radiance);
+        }
+    }
+}
+
+/// The scalar product, in four lanes.
+#[inline(always)]
+fn product(starts: &[u16], weights: &[Vec4], radiance: &[f32; PLANE]) -> f64 {
+    let mut lanes = Vec4::ZERO;
+    for (&start, &weights) in starts.iter().zip(weights) {
+        lanes += weights * Vec4::from_slice(&radiance[usize::from(start)..usize::from(start) + LANES]);
+    }
+    f64::from((lanes.x + lanes.z) + (lanes.y + lanes.w))
+}
+
+/// Raw codes of pixels with `channels` interleaved channels to radiance, one plane per channel ([`PLANE`] apart).
+#[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
+pub(super) fn decode_codes(
+    codes: &[u16],
+    channels: usize,
+    (table, black_clip_code): (&[f32], u16),
+    planes: &mut [f32],
+) -> PixelCounts {
+    match channels {
+        1 => decode_codes_body::<1>(codes, table, black_clip_code, planes),
+        _ => decode_codes_body::<3>(codes, table, black_clip_code, planes),
+    }
+}
+
+#[inline(always)]
+fn decode_codes_body<const CHANNELS: usize>(
+    codes: &[u16],
+    table: &[f32],
+    black_clip_code: u16,
+    planes: &mut [f32],
+) -> PixelCounts {
+    let pixels = codes.as_chunks::<CHANNELS>().0;
+    let top = (table.len() - 1) as u16;
+    let brightest = table[table.len() - 1];
+    // Counting is a loop of its own: it has no look-up and runs in vectors, of 16 bits as the codes have. A stretch has
+    // fewer than 2^16 pixels.
+    let (mut saturated, mut black_clipped) = (0u16, 0u16);
+    for pixel in pixels {
+        saturated += u16::from(pixel.iter().fold(false, |any, &code| any | (code >= top)));
+        black_clipped += u16::from(pixel.iter().fold(false, |any, &code| any | (code <= black_clip_code)));
+    }
+    for channel in 0..CHANNELS {
+        let plane = &mut planes[channel * PLANE..][..pixels.len()];
+        for (radiance, pixel) in plane.iter_mut().zip(pixels) {
+            // Codes above the table are rare: a guessed branch costs less than a minimum.
+            *radiance = table.get(usize::from(pixel[channel])).copied().unwrap_or(brightest);
+        }
+    }
+    PixelCounts { saturated: saturated.into(), black_clipped: black_clipped.into(), ..PixelCounts::default() }
+}
+
+/// Radiance of pixels with `channels` interleaved channels to planes, without what is no radiance.
+#[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
+pub(super) fn decode_radiance(samples: &[f32], channels: usize, planes: &mut [f32]) -> PixelCounts {
+    match channels {
+        1 => decode_radiance_body::<1>(samples, planes),
+        _ => decode_radiance_body::<3>(samples, planes),
+    }
+}
+
+#[inline(always)]
+fn decode_radiance_body<const CHANNELS: usize>(samples: &[f32], planes: &mut [f32]) -> PixelCounts {
+    let pixels = samples.as_chunks::<CHANNELS>().0;
+    let (mut nan, mut infinite, mut negative) = (0u32, 0u32, 0u32);
+    for pixel in pixels {
+        nan += u32::from(pixel.iter().fold(false, |any, value| any | value.is_nan()));
+        infinite += u32::from(pixel.iter().fold(false, |any, &value| any | (value == f32::INFINITY)));
+        // Minus infinity is below zero.
+        negative += u32::from(pixel.iter().fold(false, |any, &value| any | (value < 0.0)));
+    }
+    for channel in 0..CHANNELS {
+        let plane = &mut planes[channel * PLANE..][..pixels.len()];
+        for (radiance, pixel) in plane.iter_mut().zip(pixels) {
+            let value = pixel[channel];
+            *radiance = if value > 0.0 && value < f32::INFINITY { value } else { 0.0 };
+        }
+    }
+    PixelCounts {
+        nan: nan.into(),
+        infinite: infinite.into(),
+        negative: negative.into(),
+        ..PixelCounts::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers in [0, 1) without a pattern.
+    fn noise(index: usize) -> f32 {
+        (index as u32).wrapping_mul(2_654_435_769).rotate_left(7).wrapping_mul(0x85eb_ca6b) as f32
+            / 4_294_967_296.0
+    }
+
+    #[test]
+    fn chosen_instruction_set_gives_the_bits_of_the_plain_code() {
+        let groups = [1, 2, 3, 7, 64].map(|chunks| Group { chunks, parts: 100 });
+        let cells: Vec<u32> = (0..500).map(|part| part * 7 % 90).collect();
+        let chunks = groups.iter().map(|group| (group.chunks * group.parts) as usize).sum();
+        let starts: Vec<u16> = (0..chunks).map(|chunk| (chunk * 131 % (1 << 16)) as u16).collect();
+        let weights: Vec<Vec4> = (0..chunks)
+            .map(|chunk| Vec4::from_array(std::array::from_fn(|lane| noise(4 * chunk + lane))))
+            .collect();
+        let plane: Vec<f32> = (0..PLANE).map(|index| noise(index + 77) * 1e3).collect();
+        let radiance: &[f32; PLANE] = plane.as_slice().try_into().unwrap();
+        let band = BandMatrix { groups: &groups, cells: &cells, starts: &starts, weights: &weights };
+        let (mut chosen, mut plain) = (vec![0.0; 90], vec![0.0; 90]);
+        add_band(band, radiance, &mut chosen);
+        add_band_body(band, radiance, &mut plain);
+        assert_eq!(chosen, plain);
+        // And both are the sum that is meant: every part by itself, so that no part hides behind larger ones.
+        let mut first = 0;
+        for (part, &cell) in cells.iter().enumerate() {
+            let group = groups[part / 100];
+            let own = first..first + group.chunks as usize;
+            first = own.end;
+            let exact: f64 = own
+                .clone()
+                .flat_map(|chunk| (0..LANES).map(move |lane| (chunk, lane)))
+                .map(|(chunk, lane)| {
+                    f64::from(weights[chunk][lane]) * f64::from(radiance[usize::from(starts[chunk]) + lane])
+                })
+                .sum();
+            let sum = product(&starts[own.clone()], &weights[own], radiance);
+            assert!(exact > 0.0 && (sum / exact - 1.0).abs() < 4e-6, "{sum} {exact}");
+            plain[cell as usize] -= sum;
+        }
+        assert_eq!(first, chunks);
+        for (left, sum) in plain.iter().zip(&chosen) {
+            assert!(left.abs() <= 1e-12 * sum, "{left} {sum}");
+        }
+
+        let table: Vec<f32> = (0..1000).map(|code| code as f32 * 0.5).collect();
+        let codes: Vec<u16> = (0..999).map(|index| (noise(index) * 1100.0) as u16).collect();
+        let samples: Vec<f32> = (0..999)
+            .map(|index| match index % 50 {
+                7 => f32::NAN,
+                8 => f32::INFINITY,
+                9 => -1.0,
+                10 => f32::NEG_INFINITY,
+                _ => noise(index),
+            })
+            .collect();
+        for channels in [1, 3] {
+            let (mut chosen, mut plain) = (vec![0.0; 3 * PLANE], vec![0.0; 3 * PLANE]);
+            let counts = decode_codes(&codes, channels, (&table, 40), &mut chosen);
+            let expected = match channels {
+                1 => decode_codes_body::<1>(&codes, &table, 40, &mut plain),
+                _ => decode_codes_body::<3>(&codes, &table, 40, &mut plain),
+            };
+            assert_eq!((counts, &chosen), (expected, &plain));
+            assert!(counts.saturated > 0 && counts.black_clipped > 0);
+            let counts = decode_radiance(&samples, channels, &mut chosen);
+            let expected = match channels {
+                1 => decode_radiance_body::<1>(&samples, &mut plain),
+                _ => decode_radiance_body::<3>(&samples, &mut plain),
+            };
+            assert_eq!((counts, &chosen), (expected, &plain));
+            assert!(counts.nan > 0 && counts.infinite > 0 && counts.negative > 0);
+        }
+    }
+
+    #[test]
+    fn a_pixel_of_three_channels_counts_once() {
+        let table: Vec<f32> = (0..=100).map(|code| code as f32).collect();
+        let codes = [100, 100, 5, 200, 0, 0, 50, 50, 50];
+        let mut planes = vec![0.0; 3 * PLANE];
+        let seen = |planes: &[f32]| {
+            [0, 1, 2].map(|channel| <[f32; 3]>::try_from(&planes[channel * PLANE..][..3]).unwrap())
+        };
+        let counts = decode_codes(&codes, 3, (&table, 2), &mut planes);
+        assert_eq!((counts.saturated, counts.black_clipped), (2, 1));
+        assert_eq!(seen(&planes), [[100.0, 100.0, 50.0], [100.0, 0.0, 50.0], [5.0, 0.0, 50.0]]);
+        let samples = [f32::NAN, f32::NAN, -1.0, 1.0, f32::INFINITY, f32::NEG_INFINITY, 1.0, 2.0, 3.0];
+        let counts = decode_radiance(&samples, 3, &mut planes);
+        assert_eq!((counts.nan, counts.infinite, counts.negative), (1, 1, 2));
+        assert_eq!(seen(&planes), [[0.0, 1.0, 1.0], [0.0, 0.0, 2.0], [0.0, 0.0, 3.0]]);
+    }
+}
