@@ -72,6 +72,16 @@ impl NormalSphere {
 /// `S(n) + n . V` at a group of normals.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn sum(x: &[f32; LANES], y: &[f32; LANES], z: &[f32; LANES], contributions: &[Contribution]) -> [f64; LANES] {
+    sum_body(x, y, z, contributions)
+}
+
+#[inline(always)]
+fn sum_body(
+    x: &[f32; LANES],
+    y: &[f32; LANES],
+    z: &[f32; LANES],
+    contributions: &[Contribution],
+) -> [f64; LANES] {
     let mut sums = [0.0f64; LANES];
     for terms in contributions.chunks(TERMS_IN_F32) {
         let mut partial = [0.0f32; LANES];
@@ -150,5 +160,44 @@ impl ListError {
         }
         errors.push((lights.len() as u32, self.relative_error(lights, reference)));
         self.short = short;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chosen_instruction_set_gives_the_bits_of_the_plain_code_and_both_the_sum() {
+        let contributions: Vec<Contribution> = fibonacci_sphere(500)
+            .enumerate()
+            .map(|(i, towards)| {
+                let half_width = if i % 3 == 0 { 0.0 } else { 0.04 * i as f32 };
+                Contribution::new(towards.as_vec3() * i as f32, half_width)
+            })
+            .collect();
+        let normals = NormalSphere::new();
+        for group in 0..normals.x.len() {
+            let (x, y, z) = (&normals.x[group], &normals.y[group], &normals.z[group]);
+            let chosen = sum(x, y, z, &contributions);
+            assert_eq!(chosen, sum_body(x, y, z, &contributions));
+            for lane in 0..LANES {
+                let n = glam::DVec3::new(x[lane].into(), y[lane].into(), z[lane].into());
+                let exact: f64 = contributions
+                    .iter()
+                    .map(|c| {
+                        let along = n.dot(glam::DVec3::from(c.vector.map(f64::from)));
+                        let width = f64::from(c.half_width);
+                        let cut = if along.abs() < width {
+                            (along * along + width * width) / (2.0 * width)
+                        } else {
+                            along.abs()
+                        };
+                        along + cut
+                    })
+                    .sum();
+                assert!((chosen[lane] - exact).abs() <= 1e-6 * exact.max(1.0), "{} {exact}", chosen[lane]);
+            }
+        }
     }
 }
