@@ -70,20 +70,12 @@ enum LensModel {
 }
 
 impl Calibration {
-    /// Loads a calibration file of any known kind; of several cameras the first.
-    ///
-    /// # Errors
-    /// As [`Self::load_camera`].
-    pub fn load(path: &Path) -> Result<Self> {
-        Self::load_camera(path, None)
-    }
-
-    /// Loads a calibration file; `camera` names one of a Kalibr chain (`cam1`).
+    /// Loads a calibration file of any known kind; `camera` names one of a Kalibr chain (`cam1`), `None` takes its first.
     ///
     /// # Errors
     /// `Usage`, naming the file and the key or line: files that cannot be read, are over 1 MiB or of no known
     /// kind, unknown keys in ours, missing ones, and numbers that no camera has.
-    pub fn load_camera(path: &Path, camera: Option<&str>) -> Result<Self> {
+    pub fn load(path: &Path, camera: Option<&str>) -> Result<Self> {
         let place = format!("calibration {}", path.display());
         read(path).and_then(|text| Self::parse(&text, camera)).map_err(|error| error.at(place))
     }
@@ -91,7 +83,7 @@ impl Calibration {
     /// Reads the text of a calibration file of any known kind.
     ///
     /// # Errors
-    /// As [`Self::load_camera`], without the file's name.
+    /// As [`Self::load`], without the file's name.
     pub fn parse(text: &str, camera: Option<&str>) -> Result<Self> {
         let document = document::parse(text)?;
         if document.get("lens").is_some() || document.get("version").is_some_and(|_| !foreign(&document)) {

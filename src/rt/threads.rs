@@ -110,6 +110,20 @@ mod tests {
 
     const SHORT: Duration = Duration::from_millis(1);
 
+    /// A thread that runs until it is asked to end.
+    fn one_that_waits() -> (Shutdown, Threads) {
+        let shutdown = Shutdown::new();
+        let mut threads = Threads::new(&shutdown);
+        let token = shutdown.clone();
+        threads
+            .spawn("runs", move || {
+                token.wait(Duration::MAX);
+                Ok(())
+            })
+            .unwrap();
+        (shutdown, threads)
+    }
+
     #[test]
     fn the_first_error_wins_and_asks_the_others_to_end() {
         let shutdown = Shutdown::new();
@@ -147,15 +161,7 @@ mod tests {
 
     #[test]
     fn the_watcher_is_called_while_threads_run() {
-        let shutdown = Shutdown::new();
-        let mut threads = Threads::new(&shutdown);
-        let token = shutdown.clone();
-        threads
-            .spawn("runs", move || {
-                token.wait(Duration::MAX);
-                Ok(())
-            })
-            .unwrap();
+        let (shutdown, threads) = one_that_waits();
         let mut calls = 0;
         threads
             .join(SHORT, || {
@@ -170,15 +176,7 @@ mod tests {
 
     #[test]
     fn dropping_unjoined_threads_ends_them() {
-        let shutdown = Shutdown::new();
-        let mut threads = Threads::new(&shutdown);
-        let token = shutdown.clone();
-        threads
-            .spawn("runs", move || {
-                token.wait(Duration::MAX);
-                Ok(())
-            })
-            .unwrap();
+        let (shutdown, threads) = one_that_waits();
         drop(threads);
         assert!(shutdown.is_requested());
     }

@@ -15,7 +15,7 @@ pub(super) fn frame_to_polar(config: &Config, format: &FrameFormat) -> Result<(F
     let FrameFormat { width, height, is_codes, latlong_centres: centres, .. } = *format;
     let (projection, response, world_from_camera) = match (options.projection, &options.calibration) {
         (ProjectionKind::Fisheye, Some(path)) => {
-            let calibration = Calibration::load_camera(path, options.kalibr_camera.as_deref())?;
+            let calibration = Calibration::load(path, options.kalibr_camera.as_deref())?;
             for note in &calibration.notes {
                 tracing::info!("{}: {note}", path.display());
             }

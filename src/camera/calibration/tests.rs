@@ -137,14 +137,14 @@ fn aliases_that_multiply_are_refused() {
 fn files_are_named_and_bounded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lens.json");
-    let missing = Calibration::load(&path).unwrap_err().to_string();
+    let missing = Calibration::load(&path, None).unwrap_err().to_string();
     assert!(missing.contains("lens.json") && missing.contains("cannot be read"), "{missing}");
     std::fs::write(&path, vec![b' '; (1 << 20) + 1]).unwrap();
-    assert!(Calibration::load(&path).unwrap_err().to_string().contains("1 MiB"));
+    assert!(Calibration::load(&path, None).unwrap_err().to_string().contains("1 MiB"));
     std::fs::write(&path, [0xff, 0xfe]).unwrap();
-    assert!(Calibration::load(&path).unwrap_err().to_string().contains("not text"));
+    assert!(Calibration::load(&path, None).unwrap_err().to_string().contains("not text"));
     std::fs::write(&path, OWN).unwrap();
-    assert!(Calibration::load(&path).is_ok());
+    assert!(Calibration::load(&path, None).is_ok());
 }
 
 #[test]
@@ -154,9 +154,9 @@ fn real_kalibr_files_load() {
         ("tum_vi/kalibr_imucam_chain.yaml", 254.93170605935475),
         ("t265_kalibr_imucam_chain.yaml", 415.9558137753508),
     ] {
-        let calibration = Calibration::load(&folder.join(file)).unwrap();
+        let calibration = Calibration::load(&folder.join(file), None).unwrap();
         assert!((calibration.lens.parameters().cx - cx - 0.5).abs() < 1e-12);
         println!("{file}: {}", calibration.notes[0]);
-        assert!(Calibration::load_camera(&folder.join(file), Some("cam1")).is_ok());
+        assert!(Calibration::load(&folder.join(file), Some("cam1")).is_ok());
     }
 }

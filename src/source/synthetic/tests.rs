@@ -234,7 +234,7 @@ fn garden_turns_a_column_a_frame_and_hall_flickers_where_it_should() {
 fn bundled_frames_are_what_their_script_makes() {
     let script = Script::load(&replay("day.toml"), None).unwrap();
     let (name, frames) = (script.name.clone(), script.frames);
-    let bundled_camera = Calibration::load(&replay("day/calibration.json")).unwrap();
+    let bundled_camera = Calibration::load(&replay("day/calibration.json"), None).unwrap();
     assert_eq!(script.calibration(), Some(bundled_camera));
     assert!(frames >= 76, "three seconds at 25 Hz");
     let mut source = Synthetic::new(script);
