@@ -12,6 +12,7 @@ mod nearest;
 mod prefix;
 mod reference;
 mod refine;
+mod regions;
 
 #[cfg(test)]
 mod extractor_tests;
@@ -25,3 +26,4 @@ pub use list::{Light, LightList};
 pub use nearest::NearestSites;
 pub use prefix::prefix;
 pub use reference::MapIrradiance;
+pub use regions::{RegionLists, Regions};
