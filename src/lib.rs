@@ -11,6 +11,8 @@ pub mod picture;
 pub mod report;
 pub mod rt;
 pub mod sampling;
+#[cfg(feature = "render")]
+pub mod scene;
 pub mod service;
 pub mod source;
 pub mod stage;

@@ -1,0 +1,72 @@
+/// How a surface reflects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shading {
+    /// Metal and roughness as glTF 2.0 defines them (appendix B: GGX, Smith, Schlick; F0 = 0.04 or the base colour).
+    MetalRough {
+        /// 0 for dielectrics, 1 for metals; times the blue channel of the texture.
+        metallic: f32,
+        /// Perceptual roughness in [0, 1], alpha = roughness^2; times the green channel of the texture.
+        roughness: f32,
+    },
+    /// A Lambertian term with the base colour as albedo, and Phong's lobe around the mirror direction (Havran et
+    /// al. 2005, section 5). Zero `specular` is Lambert's law alone.
+    Phong {
+        /// Colour of the lobe (MTL `Ks`), linear, >= 0.
+        specular: [f32; 3],
+        /// Exponent of the cosine (MTL `Ns`), >= 0.
+        exponent: f32,
+    },
+}
+
+/// What a surface is made of. Colours are linear, Rec. 709 primaries. Textures are indices into
+/// [`Scene::textures`](super::Scene::textures), looked up at the vertex's `uv`.
+///
+/// Occlusion textures of glTF files are left out on purpose: they hold the shadow of ambient light, which the
+/// lights with their shadow maps give already, so it would be counted twice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// How the surface reflects.
+    pub shading: Shading,
+    /// Albedo and alpha, in [0, 1]; times the vertex colour, times the texture.
+    pub base_colour: [f32; 4],
+    /// Albedo and alpha (sRGB).
+    pub base_colour_texture: Option<usize>,
+    /// Normals in the tangent frame, as glTF has them: `2 t - 1`, green up the picture (against v). The frame
+    /// follows from the derivatives of `uv`; tangents of files are not read.
+    pub normal_texture: Option<usize>,
+    /// Factor on x and y of the normal texture.
+    pub normal_scale: f32,
+    /// Roughness in green, metal in blue (linear).
+    pub metallic_roughness_texture: Option<usize>,
+    /// Radiance that the surface sends by itself, >= 0; times the texture. It lights nothing else.
+    pub emissive: [f32; 3],
+    /// Emitted colour (sRGB).
+    pub emissive_texture: Option<usize>,
+    /// Where alpha is below it, the surface is not there, for shadows either. `None`: opaque, alpha unused.
+    pub alpha_cutoff: Option<f32>,
+    /// Whether back faces are drawn too, with the normal turned round.
+    pub double_sided: bool,
+}
+
+impl Material {
+    /// A surface that reflects by Lambert's law: albedo `colour`, linear, in [0, 1].
+    pub fn lambert(colour: [f32; 3]) -> Self {
+        Self::new(Shading::Phong { specular: [0.0; 3], exponent: 0.0 }, colour)
+    }
+
+    /// An opaque, one-sided material without textures; `colour` is linear, in [0, 1].
+    pub fn new(shading: Shading, colour: [f32; 3]) -> Self {
+        Self {
+            shading,
+            base_colour: [colour[0], colour[1], colour[2], 1.0],
+            base_colour_texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
+            metallic_roughness_texture: None,
+            emissive: [0.0; 3],
+            emissive_texture: None,
+            alpha_cutoff: None,
+            double_sided: false,
+        }
+    }
+}

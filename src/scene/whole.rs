@@ -1,0 +1,46 @@
+use super::{Bounds, Camera, Channel, Instance, Material, Mesh, Node, Texture};
+use glam::Mat4;
+
+/// Meshes where they stand, what they are made of and how they move. Plain lists that refer to each other by index.
+///
+/// World: right-handed, +Y up.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// Triangles.
+    pub meshes: Vec<Mesh>,
+    /// What they are made of.
+    pub materials: Vec<Material>,
+    /// Pictures of the materials.
+    pub textures: Vec<Texture>,
+    /// The tree of frames, parents before their children.
+    pub nodes: Vec<Node>,
+    /// Where the meshes stand.
+    pub instances: Vec<Instance>,
+    /// How nodes move, in the order of their nodes. All animations of a file play together, each over and over.
+    pub channels: Vec<Channel>,
+    /// The file's first perspective camera, where it stands at time 0.
+    pub camera: Option<Camera>,
+    /// What somebody who looks at the picture should know: what was left out of the file, and why.
+    pub notes: Vec<String>,
+}
+
+impl Scene {
+    /// Box around all instances posed by `world_from_mesh`.
+    pub fn bounds(&self, world_from_mesh: &[Mat4]) -> Bounds {
+        self.bounds_where(world_from_mesh, |_| true)
+    }
+
+    /// Box around the instances that cast shadows, posed by `world_from_mesh`.
+    pub fn caster_bounds(&self, world_from_mesh: &[Mat4]) -> Bounds {
+        self.bounds_where(world_from_mesh, |instance| instance.casts_shadow)
+    }
+
+    fn bounds_where(&self, world_from_mesh: &[Mat4], is_meant: impl Fn(&Instance) -> bool) -> Bounds {
+        self.instances
+            .iter()
+            .zip(world_from_mesh)
+            .filter(|(instance, matrix)| is_meant(instance) && **matrix != Mat4::ZERO)
+            .map(|(instance, matrix)| self.meshes[instance.mesh].bounds.transformed(matrix))
+            .fold(Bounds::EMPTY, |all, bounds| all.union(&bounds))
+    }
+}
