@@ -1,8 +1,10 @@
 //! From a polar map to a short list of directional lights (METHODS section 6).
 //!
 //! [`Extractor`] is the stage's algorithm: it places sites by importance sampling or takes those of the last frame,
-//! gives every pixel to its nearest site and sums the cells up to lights. [`prefix`] shortens a list.
+//! gives every pixel to its nearest site and sums the cells up to lights. [`prefix`] and [`cluster`]
+//! shorten a list, [`Regions`] sort it by what a normal or a cone needs of it.
 
+mod cluster;
 mod equal_power;
 pub mod error;
 mod extractor;
@@ -21,9 +23,10 @@ mod sequence_tests;
 #[cfg(test)]
 pub(crate) mod test_maps;
 
+pub use cluster::cluster;
 pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
 pub use list::{Light, LightList};
 pub use nearest::NearestSites;
-pub use prefix::prefix;
+pub use prefix::{prefix, prefix_with_heads};
 pub use reference::MapIrradiance;
 pub use regions::{RegionLists, Regions};

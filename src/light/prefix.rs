@@ -16,6 +16,21 @@ const LANES: usize = 16;
 /// A `count` of 0 gives no lights; one of at least the number of lights gives them as they are. `joined` is the
 /// caller's storage; it is used up to the length of `lights`.
 pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
+    join(lights, count, joined, |_, _| {});
+}
+
+/// [`prefix`], with the index in `joined` of the light that each of `lights` has joined; the first `count` have joined
+/// themselves. A `count` of 0 leaves `heads` empty, as there is nothing to join.
+pub fn prefix_with_heads(lights: &[Light], count: usize, joined: &mut Vec<Light>, heads: &mut Vec<u32>) {
+    heads.clear();
+    if count > 0 {
+        heads.extend(0..lights.len() as u32);
+    }
+    join(lights, count, joined, |light, head| heads[light] = head);
+}
+
+/// [`prefix`]; calls `found` with the index of every light from `count` on and that of its head.
+fn join(lights: &[Light], count: usize, joined: &mut Vec<Light>, mut found: impl FnMut(usize, u32)) {
     joined.clear();
     if count == 0 {
         return;
@@ -26,10 +41,11 @@ pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
     }
     let (heads, tail) = joined.split_at_mut(count);
     // A joining light no longer needs its id: it holds the index of the head until all is summed.
-    for group in tail.chunks_mut(LANES) {
+    for (index, group) in tail.chunks_mut(LANES).enumerate() {
         let nearest = nearest_heads(heads, group);
-        for (light, head) in group.iter_mut().zip(nearest) {
+        for (lane, (light, head)) in group.iter_mut().zip(nearest).enumerate() {
             light.id = head;
+            found(count + index * LANES + lane, head);
         }
     }
     tail.sort_unstable_by_key(|light| light.id);
@@ -129,21 +145,29 @@ mod tests {
                 spread_rad: 0.0,
             })
             .collect();
-        let mut joined = Vec::new();
+        let (mut joined, mut with_heads, mut heads) = (Vec::new(), Vec::new(), Vec::new());
         for count in [1, 8, 33, 499, 500, 600] {
             prefix(&lights, count, &mut joined);
+            prefix_with_heads(&lights, count, &mut with_heads, &mut heads);
+            assert_eq!((&with_heads, heads.len()), (&joined, 500));
+            assert!(heads.iter().take(count).enumerate().all(|(i, &head)| head as usize == i));
             assert_eq!(joined.len(), count.min(500));
             let sum = |list: &[Light]| list.iter().map(|l| f64::from(l.irradiance[1])).sum::<f64>();
             assert!((sum(&joined) / sum(&lights) - 1.0).abs() < 1e-6, "{count}");
             // The slow way: power of each head by brute force in f64.
             let mut expected: Vec<f64> =
                 lights.iter().take(count).map(|l| f64::from(l.irradiance[0])).collect();
-            for late in lights.iter().skip(count) {
+            for (index, late) in lights.iter().enumerate().skip(count) {
                 let d = |l: &Light| {
                     DVec3::from(l.direction.map(f64::from)).dot(DVec3::from(late.direction.map(f64::from)))
                 };
                 let head = (0..count).max_by(|&a, &b| d(&lights[a]).total_cmp(&d(&lights[b]))).unwrap();
                 expected[head] += f64::from(late.irradiance[0]);
+                // Where two heads are equally near in f64, f32 may choose the other.
+                assert!(
+                    (d(&lights[head]) - d(&lights[heads[index] as usize])).abs() < 3e-7,
+                    "{count} {index}"
+                );
             }
             for (light, power) in joined.iter().zip(expected) {
                 assert!((f64::from(light.irradiance[0]) - power).abs() < 1e-4, "{count} {}", light.id);
@@ -164,6 +188,11 @@ mod tests {
         assert!(joined.is_empty());
         prefix(&[], 4, &mut joined);
         assert!(joined.is_empty());
+        let mut heads = vec![7];
+        prefix_with_heads(&lights, 0, &mut joined, &mut heads);
+        assert!(joined.is_empty() && heads.is_empty());
+        prefix_with_heads(&lights, 2, &mut joined, &mut heads);
+        assert_eq!(heads, [0, 1, 0]);
     }
 
     #[test]

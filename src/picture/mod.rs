@@ -1,7 +1,8 @@
 //! Pictures for people: a map with its lights drawn on it, and the sphere-on-plane scene of METHODS section 9
-//! shaded by the lights and by the whole map, side by side.
+//! shaded by the lights and by the whole map, side by side. And how different two pictures look.
 
 mod canvas;
+mod flip;
 mod map;
 mod scene;
 mod tone;
@@ -12,6 +13,7 @@ use crate::light::LightList;
 use std::path::Path;
 
 pub use canvas::Canvas;
+pub use flip::{FlipError, PIXELS_PER_DEGREE, flip, linear_from_srgb8};
 pub use map::draw_map;
 pub use scene::draw_scene;
 pub use tone::ToneCurve;
