@@ -4,10 +4,14 @@ pub mod camera;
 pub mod cli;
 pub mod config;
 pub mod error;
+#[cfg(feature = "render")]
+pub mod gpu;
 pub mod image;
 pub mod light;
 pub mod math;
 pub mod picture;
+#[cfg(feature = "render")]
+pub mod render;
 pub mod report;
 pub mod rt;
 pub mod sampling;

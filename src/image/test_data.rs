@@ -11,9 +11,14 @@ pub(crate) fn real_folder(name: &str) -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
+    say_skipped(&format!("no real data in {}", folder.display()));
+    None
+}
+
+/// Names the running test as skipped, and why.
+pub(crate) fn say_skipped(reason: &str) {
     let test = std::thread::current().name().unwrap_or_default().to_owned();
     // Not eprintln!, which the test harness swallows when a test passes; in one piece, as tests run side by side.
-    let line = format!("skipped: {test}: no real data in {}\n", folder.display());
+    let line = format!("skipped: {test}: {reason}\n");
     let _ = std::io::stderr().write_all(line.as_bytes());
-    None
 }

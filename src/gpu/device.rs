@@ -1,0 +1,206 @@
+use crate::error::{Error, Result};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Which graphics interface to use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backend {
+    /// Vulkan; a software adapter (lavapipe) serves where there is no GPU.
+    #[default]
+    Vulkan,
+    /// OpenGL ES, only when asked for by name: some of its drivers lack what the renderer needs and do not say so.
+    Gl,
+}
+
+/// An open device and its queue. Faults that the driver reports later (validation, memory, a lost device) are kept,
+/// and [`check`](Self::check) tells the first.
+pub struct Gpu {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    /// Name, driver and kind of the adapter.
+    pub info: wgpu::AdapterInfo,
+    fault: Fault,
+}
+
+#[derive(Clone, Default)]
+struct Fault(Arc<Mutex<Option<String>>>);
+
+impl Fault {
+    /// Keeps the first fault: the others follow from it.
+    fn set(&self, message: String) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
+    }
+
+    fn get(&self) -> Option<String> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Gpu {
+    /// An instance to make surfaces with before [`Self::open`].
+    pub fn instance(backend: Backend) -> wgpu::Instance {
+        let backends = match backend {
+            Backend::Vulkan => wgpu::Backends::VULKAN,
+            Backend::Gl => {
+                tracing::warn!(
+                    "OpenGL is only meant for trials: some drivers draw wrong pictures without an error"
+                );
+                wgpu::Backends::GL
+            }
+        };
+        wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        })
+    }
+
+    /// Opens the fastest adapter of `instance` that can draw to `surface` if one is given.
+    ///
+    /// # Errors
+    /// When there is no adapter, or it refuses a device.
+    pub fn open(instance: &wgpu::Instance, surface: Option<&wgpu::Surface>) -> Result<Self> {
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            compatible_surface: surface,
+            ..wgpu::RequestAdapterOptions::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|error| {
+            Error::failed(
+                "there is no graphics adapter; install a Vulkan driver (Debian and Ubuntu without a GPU: \
+                 mesa-vulkan-drivers, a software one)",
+            )
+            .because(error)
+        })?;
+        // Timestamps are a measure, not a need. The rest is what WebGPU promises everywhere, with the adapter's own
+        // limits: large scenes and atlases need more than the promised ones.
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("lightcast"),
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: adapter.limits(),
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let info = adapter.get_info();
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|error| Error::failed(format!("{}: cannot be opened", info.name)).because(error))?;
+        Ok(Self::new(device, queue, info))
+    }
+
+    /// A device that accepts everything that is valid and computes nothing: layouts and bindings can be tested
+    /// where there is no driver.
+    pub fn noop() -> Self {
+        let (device, queue) = wgpu::Device::noop(&wgpu::DeviceDescriptor::default());
+        let info = device.adapter_info();
+        Self::new(device, queue, info)
+    }
+
+    fn new(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Self {
+        let fault = Fault::default();
+        let (lost, failed) = (fault.clone(), fault.clone());
+        device.set_device_lost_callback(move |reason, message| {
+            lost.set(format!("the graphics device was lost ({reason:?}): {message}"));
+        });
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| failed.set(error.to_string())));
+        Self { device, queue, info, fault }
+    }
+
+    /// Whether the driver has reported nothing wrong so far.
+    ///
+    /// # Errors
+    /// The first fault: a lost device, memory that ran out, a wrong call.
+    pub fn check(&self) -> Result<()> {
+        match self.fault.get() {
+            Some(message) => Err(Error::failed(message).at(&self.info.name)),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits until everything that was submitted is done.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn wait(&self) -> Result<()> {
+        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check()?;
+        polled.map_err(|error| Error::failed("the graphics device does not answer").because(error))?;
+        Ok(())
+    }
+
+    /// A shader module; several sources are joined into one, WGSL has no includes.
+    pub fn shader(&self, label: &str, sources: &[&str]) -> wgpu::ShaderModule {
+        self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(label),
+            source: wgpu::ShaderSource::Wgsl(sources.concat().into()),
+        })
+    }
+
+    /// A compute pipeline with the one entry point `main`, bindings as the shader declares them.
+    pub fn compute_pipeline(
+        &self,
+        label: &str,
+        sources: &[&str],
+        constants: &[(&str, f64)],
+    ) -> wgpu::ComputePipeline {
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(label),
+            layout: None,
+            module: &self.shader(label, sources),
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants,
+                ..wgpu::PipelineCompilationOptions::default()
+            },
+            cache: None,
+        })
+    }
+
+    /// A bind group for group `index` of a pipeline: resources by binding number.
+    pub fn bind_group(
+        &self,
+        layout: &wgpu::BindGroupLayout,
+        resources: &[(u32, wgpu::BindingResource)],
+    ) -> wgpu::BindGroup {
+        let entries: Vec<wgpu::BindGroupEntry> = resources
+            .iter()
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
+            .collect();
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+    }
+}
+
+#[cfg(test)]
+impl Gpu {
+    /// The adapter for a test, or `None` after saying that the test is skipped.
+    pub(crate) fn for_test() -> Option<Self> {
+        match Self::open(&Self::instance(Backend::Vulkan), None) {
+            Ok(gpu) => Some(gpu),
+            Err(error) => {
+                crate::image::test_data::say_skipped(&error.to_string());
+                None
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lost_device_is_an_error_that_says_so() {
+        let Some(gpu) = Gpu::for_test() else { return };
+        gpu.wait().unwrap();
+        gpu.device.destroy();
+        let _ = gpu.device.poll(wgpu::PollType::wait_indefinitely());
+        let error = gpu.wait().unwrap_err().to_string();
+        assert!(error.contains("lost"), "{error}");
+    }
+
+    #[test]
+    fn a_wrong_call_is_kept_and_told() {
+        let gpu = Gpu::noop();
+        assert!(gpu.check().is_ok());
+        let _ = gpu.shader("wrong", &["fn main( {"]);
+        assert!(gpu.check().unwrap_err().to_string().contains("wrong"));
+    }
+}

@@ -1,0 +1,124 @@
+//! A scene on the device: vertices and triangles once, matrices in every frame.
+
+use crate::error::{Error, Result};
+use crate::gpu::{Array, Gpu};
+use crate::scene::{Bounds, Scene, Vertex};
+use bytemuck::{Pod, Zeroable};
+use glam::Mat4;
+use std::ops::Range;
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
+
+/// Layout of [`Vertex`] for passes that read all of it.
+pub(super) const VERTEX_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+    array_stride: size_of::<Vertex>() as u64,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Float32x4],
+};
+
+/// Layout for passes that need positions alone.
+pub(super) const POSITION_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+    array_stride: size_of::<Vertex>() as u64,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    attributes: &wgpu::vertex_attr_array![0 => Float32x3],
+};
+
+/// Matrices of one instance.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Instance {
+    pub world_from_mesh: Mat4,
+    pub normal_from_mesh: Mat4,
+}
+
+/// What one draw call draws.
+#[derive(Clone, Debug)]
+pub(super) struct Draw {
+    pub indices: Range<u32>,
+    pub base_vertex: i32,
+    pub material: usize,
+    pub casts_shadow: bool,
+}
+
+/// A scene's triangles and where they stand.
+pub(super) struct Geometry {
+    pub vertices: wgpu::Buffer,
+    pub indices: wgpu::Buffer,
+    pub instances: Array<Instance>,
+    /// One for each instance, in their order.
+    pub draws: Vec<Draw>,
+    /// Box about the casters and about everything, as posed last.
+    pub casters: Bounds,
+    pub all: Bounds,
+    posed: Vec<Instance>,
+}
+
+impl Geometry {
+    /// # Errors
+    /// When the scene is larger than the device's buffers.
+    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
+        let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+        let mut ranges = Vec::with_capacity(scene.meshes.len());
+        let most = gpu.device.limits().max_buffer_size as usize;
+        for mesh in &scene.meshes {
+            ranges.push((indices.len(), vertices.len()));
+            vertices.extend_from_slice(&mesh.vertices);
+            indices.extend_from_slice(&mesh.indices);
+            // Index ranges and base vertices are 32 bits wide, the latter signed.
+            if size_of_val(&*vertices) > most
+                || size_of_val(&*indices) > most
+                || i32::try_from(vertices.len()).is_err()
+                || u32::try_from(indices.len()).is_err()
+            {
+                return Err(Error::failed(format!(
+                    "the scene has more triangles than the device holds ({most} bytes a buffer)"
+                )));
+            }
+        }
+        let draws = scene
+            .instances
+            .iter()
+            .map(|instance| {
+                let mesh = &scene.meshes[instance.mesh];
+                let (first_index, first_vertex) = ranges[instance.mesh];
+                Draw {
+                    indices: first_index as u32..(first_index + mesh.indices.len()) as u32,
+                    base_vertex: first_vertex as i32,
+                    material: mesh.material,
+                    casts_shadow: instance.casts_shadow,
+                }
+            })
+            .collect();
+        // Buffers of no bytes cannot be bound.
+        if vertices.is_empty() {
+            vertices.push(Vertex::default());
+        }
+        if indices.is_empty() {
+            indices.push(0);
+        }
+        let buffer = |label, contents: &[u8], usage| {
+            gpu.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
+        };
+        Ok(Self {
+            vertices: buffer("vertices", bytemuck::cast_slice(&vertices), wgpu::BufferUsages::VERTEX),
+            indices: buffer("indices", bytemuck::cast_slice(&indices), wgpu::BufferUsages::INDEX),
+            instances: Array::new(gpu, "instances", wgpu::BufferUsages::STORAGE, scene.instances.len()),
+            draws,
+            casters: Bounds::EMPTY,
+            all: Bounds::EMPTY,
+            posed: Vec::with_capacity(scene.instances.len()),
+        })
+    }
+
+    /// Puts the scene's instances where `world_from_mesh` says.
+    pub fn pose(&mut self, gpu: &Gpu, scene: &Scene, world_from_mesh: &[Mat4]) {
+        self.posed.clear();
+        self.posed.extend(world_from_mesh.iter().map(|&world_from_mesh| {
+            // Normals turn by the inverse transpose; a flattened mesh has none, and is seen from its edge.
+            let inverse = world_from_mesh.inverse();
+            let normal_from_mesh = if inverse.is_finite() { inverse.transpose() } else { world_from_mesh };
+            Instance { world_from_mesh, normal_from_mesh }
+        }));
+        self.instances.write(gpu, &self.posed);
+        (self.casters, self.all) = (scene.caster_bounds(world_from_mesh), scene.bounds(world_from_mesh));
+    }
+}

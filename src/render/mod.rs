@@ -1,0 +1,32 @@
+//! Renders a scene under many directional lights with wgpu (Havran et al. 2005, sections 4 and 5; METHODS section 8).
+//!
+//! A frame is five passes, one file each, beside its shader of the same name in `shaders/`:
+//!
+//! 1. `regions`: lights to angular regions, so that a pixel looks only at lights that it can see;
+//! 2. `shadow`: one atlas of shadow maps;
+//! 3. `surface`: depth, normals and reflectances of every pixel;
+//! 4. `shade`: the sum over the lights, added to a picture of radiance;
+//! 5. `tone`: from radiance to a screen.
+//!
+//! [`Renderer`] runs them.
+
+mod energy;
+mod geometry;
+mod light_space;
+mod lights;
+mod material;
+mod options;
+mod region_pass;
+mod renderer;
+#[cfg(test)]
+mod renderer_tests;
+mod shade;
+mod shadow;
+mod surface;
+#[cfg(test)]
+mod test_scenes;
+mod tiles;
+mod tone;
+
+pub use options::Options;
+pub use renderer::{LightCounts, Renderer};

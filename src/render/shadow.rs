@@ -1,0 +1,133 @@
+//! The shadow atlas: all shadow maps in one texture and one pass (Havran et al. 2005, section 5.2.1).
+
+use super::geometry::{Geometry, Instance, POSITION_LAYOUT};
+use super::light_space::{self, LightSpace};
+use crate::gpu::{Array, Gpu, Timer};
+
+const SHADER: &str = include_str!("../../shaders/shadow.wgsl");
+
+/// Draws shadow maps.
+pub(super) struct ShadowPass {
+    pipeline: wgpu::RenderPipeline,
+    pub atlas_view: wgpu::TextureView,
+    tile_px: u32,
+    tiles_per_side: u32,
+}
+
+impl ShadowPass {
+    pub fn new(gpu: &Gpu, tile_px: u32, tiles_per_side: u32) -> Self {
+        let module = gpu.shader("shadow", &[light_space::SOURCE, SHADER]);
+        let format = wgpu::TextureFormat::Depth32Float;
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("shadow"),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[Some(POSITION_LAYOUT)],
+            },
+            // No culling: open meshes cast from both sides.
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Less),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: None,
+            multiview_mask: None,
+            cache: None,
+        });
+        let side = tile_px * tiles_per_side;
+        let atlas = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("shadow atlas"),
+            size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                | wgpu::TextureUsages::TEXTURE_BINDING
+                | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        });
+        let atlas_view = atlas.create_view(&wgpu::TextureViewDescriptor::default());
+        Self { pipeline, atlas_view, tile_px, tiles_per_side }
+    }
+
+    pub fn bind_group(
+        &self,
+        gpu: &Gpu,
+        space: &Array<LightSpace>,
+        tiles: &Array<[f32; 4]>,
+        instances: &Array<Instance>,
+    ) -> wgpu::BindGroup {
+        gpu.bind_group(
+            &self.pipeline.get_bind_group_layout(0),
+            &[(0, space.binding()), (1, tiles.binding()), (2, instances.binding())],
+        )
+    }
+
+    /// Draws the casters into the tiles `used`.
+    pub fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut Timer,
+        bind_group: &wgpu::BindGroup,
+        geometry: &Geometry,
+        used: impl Iterator<Item = u32>,
+    ) {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("shadow"),
+            color_attachments: &[],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &self.atlas_view,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(1.0),
+                    store: wgpu::StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
+            timestamp_writes: timer.render("shadow maps"),
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, bind_group, &[]);
+        pass.set_vertex_buffer(0, geometry.vertices.slice(..));
+        pass.set_index_buffer(geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
+        let count = geometry.draws.len() as u32;
+        for tile in used {
+            let (column, row) = (tile % self.tiles_per_side, tile / self.tiles_per_side);
+            let (x, y) = (column * self.tile_px, row * self.tile_px);
+            let side = self.tile_px as f32;
+            pass.set_viewport(x as f32, y as f32, side, side, 0.0, 1.0);
+            pass.set_scissor_rect(x, y, self.tile_px, self.tile_px);
+            for (number, draw) in geometry.draws.iter().enumerate().filter(|(_, draw)| draw.casts_shadow) {
+                let index = tile * count + number as u32;
+                pass.draw_indexed(draw.indices.clone(), draw.base_vertex, index..index + 1);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::layout::{assert_layout, assert_valid, members};
+
+    #[test]
+    fn the_shader_is_valid_and_its_structs_lie_as_they_are_written() {
+        let source = [light_space::SOURCE, SHADER].concat();
+        assert_valid("shadow", &source);
+        assert_layout(
+            &source,
+            "Instance",
+            size_of::<Instance>(),
+            members!(Instance: world_from_mesh, normal_from_mesh),
+        );
+    }
+}

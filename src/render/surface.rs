@@ -1,0 +1,183 @@
+//! What every pixel shows: depth, normals and reflectances.
+
+use super::geometry::{Geometry, Instance, VERTEX_LAYOUT};
+use super::material::Materials;
+use crate::gpu::{Array, Gpu, Timer};
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat4, Vec3};
+
+pub(super) const SHADER: &str = include_str!("../../shaders/surface.wgsl");
+
+/// Where from it is seen.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct CameraUniform {
+    pub clip_from_world: Mat4,
+    pub eye: Vec3,
+    pub pad: u32,
+}
+
+/// Draws surfaces into textures of the picture's size.
+pub(super) struct SurfacePass {
+    pipeline: wgpu::RenderPipeline,
+    depth: wgpu::TextureView,
+    normals: wgpu::TextureView,
+    reflectances: wgpu::TextureView,
+}
+
+const PACKED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+impl SurfacePass {
+    pub fn new(gpu: &Gpu, width_px: u32, height_px: u32) -> Self {
+        let module = gpu.shader("surface", &[SHADER]);
+        let target =
+            Some(wgpu::ColorTargetState { format: PACKED, blend: None, write_mask: wgpu::ColorWrites::ALL });
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("surface"),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[Some(VERTEX_LAYOUT)],
+            },
+            // No culling: back sides are shaded too, and mirrored instances need no second pipeline.
+            primitive: wgpu::PrimitiveState::default(),
+            // Reversed depth: a floating-point depth is finest near 0, where all the distance lies.
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Greater),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fragment"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &[target.clone(), target],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let target = |label, format| {
+            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: width_px, height: height_px, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                    | wgpu::TextureUsages::TEXTURE_BINDING
+                    | wgpu::TextureUsages::COPY_SRC,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        Self {
+            pipeline,
+            depth: target("depth", DEPTH),
+            normals: target("normals", PACKED),
+            reflectances: target("reflectances", PACKED),
+        }
+    }
+
+    /// Depth, normals and reflectances.
+    pub fn views(&self) -> [&wgpu::TextureView; 3] {
+        [&self.depth, &self.normals, &self.reflectances]
+    }
+
+    pub fn bind_group(
+        &self,
+        gpu: &Gpu,
+        camera: &Array<CameraUniform>,
+        instances: &Array<Instance>,
+    ) -> wgpu::BindGroup {
+        gpu.bind_group(
+            &self.pipeline.get_bind_group_layout(0),
+            &[(0, camera.binding()), (1, instances.binding())],
+        )
+    }
+
+    /// Layout of the bind group of a material.
+    pub fn material_layout(&self) -> wgpu::BindGroupLayout {
+        self.pipeline.get_bind_group_layout(1)
+    }
+
+    pub fn encode(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        timer: &mut Timer,
+        bind_group: &wgpu::BindGroup,
+        geometry: &Geometry,
+        materials: &Materials,
+    ) {
+        let attachment = |view| {
+            Some(wgpu::RenderPassColorAttachment {
+                view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                    store: wgpu::StoreOp::Store,
+                },
+            })
+        };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("surface"),
+            color_attachments: &[attachment(&self.normals), attachment(&self.reflectances)],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &self.depth,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
+            timestamp_writes: timer.render("surfaces"),
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, bind_group, &[]);
+        pass.set_vertex_buffer(0, geometry.vertices.slice(..));
+        pass.set_index_buffer(geometry.indices.slice(..), wgpu::IndexFormat::Uint32);
+        for (number, draw) in geometry.draws.iter().enumerate() {
+            pass.set_bind_group(1, materials.bind_group(draw.material), &[]);
+            pass.draw_indexed(draw.indices.clone(), draw.base_vertex, number as u32..number as u32 + 1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::material::MaterialUniform;
+    use super::*;
+    use crate::gpu::layout::{assert_layout, assert_valid, members};
+
+    #[test]
+    fn the_shader_is_valid_and_its_structs_lie_as_they_are_written() {
+        assert_valid("surface", SHADER);
+        assert_layout(
+            SHADER,
+            "Camera",
+            size_of::<CameraUniform>(),
+            members!(CameraUniform: clip_from_world, eye),
+        );
+        assert_layout(
+            SHADER,
+            "Instance",
+            size_of::<Instance>(),
+            members!(Instance: world_from_mesh, normal_from_mesh),
+        );
+        assert_layout(
+            SHADER,
+            "Material",
+            size_of::<MaterialUniform>(),
+            members!(MaterialUniform: base_colour, specular, gloss, emissive, metallic, normal_scale, alpha_cutoff, has_normal_map),
+        );
+    }
+}

@@ -1,0 +1,112 @@
+//! Scenes and lights for the tests of this room.
+
+use crate::light::Light;
+use crate::scene::{Bounds, Camera, Instance, Material, Mesh, Node, Scene, Shading, Transform, Vertex};
+use glam::Vec3;
+
+/// A sphere of radius 1 about the origin, its normals exact.
+pub(super) fn sphere(segments: u32, material: usize) -> Mesh {
+    let mut vertices = Vec::new();
+    let mut indices = Vec::new();
+    for row in 0..=segments {
+        for column in 0..=2 * segments {
+            let theta = std::f64::consts::PI * f64::from(row) / f64::from(segments);
+            let phi = std::f64::consts::PI * f64::from(column) / f64::from(segments);
+            let normal = crate::math::direction(theta, phi).as_vec3().to_array();
+            vertices.push(Vertex { position: normal, normal, uv: [0.0; 2], colour: [1.0; 4] });
+        }
+    }
+    let stride = 2 * segments + 1;
+    for row in 0..segments {
+        for column in 0..2 * segments {
+            let at = row * stride + column;
+            if row > 0 {
+                indices.extend([at, at + 1, at + stride]);
+            }
+            if row + 1 < segments {
+                indices.extend([at + 1, at + stride + 1, at + stride]);
+            }
+        }
+    }
+    Mesh { vertices, indices, material, bounds: Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE } }
+}
+
+/// A square of half side `half` at height `y`, facing up.
+pub(super) fn ground(half: f32, y: f32, material: usize) -> Mesh {
+    let corner = |x: f32, z: f32| Vertex {
+        position: [x * half, y, z * half],
+        normal: [0.0, 1.0, 0.0],
+        uv: [x, z],
+        colour: [1.0; 4],
+    };
+    Mesh {
+        vertices: vec![corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)],
+        indices: vec![0, 1, 2, 0, 2, 3],
+        material,
+        bounds: Bounds { min: Vec3::new(-half, y, -half), max: Vec3::new(half, y, half) },
+    }
+}
+
+/// One node at the origin with these meshes; those marked cast shadows.
+pub(super) fn scene(meshes: Vec<(Mesh, bool)>, materials: Vec<Material>) -> Scene {
+    let instances = meshes
+        .iter()
+        .enumerate()
+        .map(|(mesh, &(_, casts_shadow))| Instance { mesh, node: 0, casts_shadow })
+        .collect();
+    Scene {
+        meshes: meshes.into_iter().map(|(mesh, _)| mesh).collect(),
+        materials,
+        nodes: vec![Node { parent: None, transform: Transform::IDENTITY }],
+        instances,
+        ..Scene::default()
+    }
+}
+
+/// A sphere of `material` on a large ground of albedo 0.5.
+pub(super) fn sphere_on_ground(material: Material) -> Scene {
+    scene(
+        vec![(sphere(48, 0), true), (ground(8.0, -1.0, 1), false)],
+        vec![material, Material::lambert([0.5; 3])],
+    )
+}
+
+/// A polished metal.
+pub(super) fn metal(roughness: f32) -> Material {
+    Material::new(Shading::MetalRough { metallic: 1.0, roughness }, [1.0; 3])
+}
+
+/// Slightly from above, the sphere in the middle.
+pub(super) fn camera() -> Camera {
+    Camera {
+        eye: Vec3::new(0.0, 2.5, 6.0),
+        target: Vec3::ZERO,
+        up: Vec3::Y,
+        vertical_fov_rad: 0.7,
+        near: 0.1,
+    }
+}
+
+/// A light of equal irradiance in all channels.
+pub(super) fn light(id: u32, direction: Vec3, irradiance: f32) -> Light {
+    let direction = direction.try_normalize().expect("a direction").to_array();
+    Light { id, direction, irradiance: [irradiance; 3], spread_rad: 0.0 }
+}
+
+/// `count` lights over the whole sphere that together are a surrounding of radiance 1, in an order whose beginnings
+/// cover the sphere evenly too.
+pub(super) fn furnace(count: u32) -> Vec<Light> {
+    let solid_angle = 4.0 * std::f32::consts::PI / count as f32;
+    // RMS angle of a disc of this solid angle: its radius over the square root of two.
+    let spread_rad = (solid_angle / std::f32::consts::PI / 2.0).sqrt();
+    let mut lights: Vec<Light> = crate::math::fibonacci_sphere(count as usize)
+        .map(|d| Light { spread_rad, ..light(0, d.as_vec3(), solid_angle) })
+        .collect();
+    // Neighbours on the spiral come far from each other.
+    let order = |i: u32| crate::sampling::halton(u64::from(i), 2);
+    let mut places: Vec<u32> = (0..count).collect();
+    places.sort_by(|&a, &b| order(a).total_cmp(&order(b)));
+    lights = places.iter().map(|&place| lights[place as usize]).collect();
+    (0..).zip(&mut lights).for_each(|(id, light)| light.id = id);
+    lights
+}
