@@ -1,0 +1,290 @@
+//! Wavefront OBJ files and their material libraries, by `tobj`.
+//!
+//! Polygons become fans of triangles, which is right for convex ones. Points, lines, curves and smoothing groups
+//! are left out. All faces of one material become one mesh. Vertex colours (three numbers behind a position, as
+//! MeshLab writes them) are taken as sRGB. Materials: Lambert with `Kd` (linear, as the format defines it) and
+//! `map_Kd` (sRGB), Phong's lobe with `Ks` and `Ns` unless `illum` is 0 or 1, `Ke`, `d`. A library that is missing
+//! or damaged costs the materials, not the scene: a note says so.
+
+use super::file::{Budget, Files, contained, linear_from_srgb, short};
+use super::mesh::{check, drop_zero_area};
+use super::normals::fill_normals;
+use super::{Instance, Material, Mesh, Node, Scene, Shading, Texture, Transform, Vertex};
+use crate::error::{Error, Result};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::io::{BufRead, Read};
+use std::path::Path;
+
+/// Albedo of what has neither a material nor colours.
+pub const GREY: f32 = 0.6;
+
+/// Largest exponent of Phong's lobe that is kept; MTL files have up to 1000. Its lobe is less than a degree wide.
+const MAX_EXPONENT: f32 = 1e4;
+
+/// The note on surfaces that ask for blending.
+pub(super) const TRANSPARENCY: &str =
+    "surfaces that are partly transparent are drawn opaque where alpha >= 0.5";
+
+pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
+    let files = RefCell::new(files);
+    let notes = RefCell::new(Vec::new());
+    let mut lines = Lines { rest: bytes, read: 0 };
+    let loaded = tobj::load_obj_buf(&mut lines, &tobj::GPU_LOAD_OPTIONS, |name| {
+        // A library may be named in every group.
+        read_library(&mut files.borrow_mut(), name).or_else(|error| {
+            let note = format!("materials left out: {error}");
+            let mut notes = notes.borrow_mut();
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+            Ok((Vec::new(), Default::default()))
+        })
+    });
+    let (models, materials) = loaded.map_err(|error| {
+        Error::usage(format!("cannot be read as OBJ, at line {} or in the faces before it", lines.read))
+            .because(error)
+    })?;
+    let materials = materials.map_err(|error| Error::usage("has damaged materials").because(error))?;
+    let mut files = files.into_inner();
+    let mut notes = notes.into_inner();
+
+    let mut textures = Vec::new();
+    let mut converted = Materials {
+        files: &mut files,
+        textures: &mut textures,
+        notes: &mut notes,
+        pixels_left: super::texture::MAX_TEXTURE_PIXELS,
+        known: HashMap::new(),
+    };
+    let mut materials: Vec<Material> = materials.iter().map(|material| converted.convert(material)).collect();
+    let (vertices, faces) = gather(&models, &mut materials, &mut notes)?;
+    let meshes = split(&vertices, &faces);
+    Ok(single(meshes, materials, textures, notes))
+}
+
+/// Vertices of all models, and for every material its triangles.
+type Gathered = (Vec<Vertex>, Vec<(usize, Vec<u32>)>);
+
+/// Puts all models into one list of vertices, so that their normals are smooth across the borders of groups and
+/// materials, and the triangles of every material together.
+fn gather(
+    models: &[tobj::Model],
+    materials: &mut Vec<Material>,
+    notes: &mut Vec<String>,
+) -> Result<Gathered> {
+    let total: usize = models.iter().map(|model| model.mesh.positions.len() / 3).sum();
+    let corners: usize = models.iter().map(|model| model.mesh.indices.len()).sum();
+    Budget::default().take(total, corners / 3)?;
+    let mut vertices = Vec::with_capacity(total);
+    let mut indices = Vec::with_capacity(corners);
+    // Which material the triangles up to some index have.
+    let mut ends = Vec::new();
+    let mut default_material: [Option<usize>; 2] = [None; 2];
+    let mut has_normals = false;
+    for model in models.iter().filter(|model| !model.mesh.indices.is_empty()) {
+        let mesh = &model.mesh;
+        let first = vertices.len() as u32;
+        let count = mesh.positions.len() / 3;
+        // `tobj` packs what is there: where a corner lacks a number, those behind it are no longer in their place.
+        let complete = |what: &str, values: &[f32], size: usize, notes: &mut Vec<String>| {
+            let is_complete = values.len() == size * count;
+            if !is_complete && !values.is_empty() {
+                notes.push(format!("{what} of `{}` left out: not every corner has them", short(&model.name)));
+            }
+            is_complete
+        };
+        let uvs = complete("texture coordinates", &mesh.texcoords, 2, notes).then_some(&mesh.texcoords);
+        let normals = complete("normals", &mesh.normals, 3, notes).then_some(&mesh.normals);
+        let colours = complete("colours", &mesh.vertex_color, 3, notes).then_some(&mesh.vertex_color);
+        has_normals |= normals.is_some();
+        vertices.extend((0..count).map(|i| {
+            let three = |values: &[f32]| [values[3 * i], values[3 * i + 1], values[3 * i + 2]];
+            let [r, g, b] = colours.map_or([1.0; 3], |c| three(c).map(linear_from_srgb));
+            Vertex {
+                position: three(&mesh.positions),
+                normal: normals.map_or([0.0; 3], |normals| three(normals)),
+                uv: uvs.map_or([0.0; 2], |uvs| [uvs[2 * i], 1.0 - uvs[2 * i + 1]]),
+                colour: [r, g, b, 1.0],
+            }
+        }));
+        indices.extend(mesh.indices.iter().map(|index| first + index));
+        let material = mesh.material_id.unwrap_or_else(|| {
+            *default_material[usize::from(colours.is_some())].get_or_insert_with(|| {
+                materials.push(Material::lambert([if colours.is_some() { 1.0 } else { GREY }; 3]));
+                materials.len() - 1
+            })
+        });
+        check(&vertices[first as usize..], &mesh.indices, &format!("object `{}`", short(&model.name)))?;
+        ends.push((first, material));
+    }
+    let dropped = drop_zero_area(&vertices, &mut indices);
+    let given = fill_normals(&mut vertices, &indices);
+    normal_notes(notes, dropped, if has_normals { given } else { 0 });
+
+    let mut faces: Vec<(usize, Vec<u32>)> = Vec::new();
+    for triangle in indices.as_chunks::<3>().0 {
+        // A model's vertices are its own, so that a corner tells its material.
+        let model = ends.partition_point(|(first, _)| *first <= triangle[0]) - 1;
+        let material = ends[model].1;
+        match faces.iter_mut().find(|(known, _)| *known == material) {
+            Some((_, list)) => list.extend(triangle),
+            None => faces.push((material, triangle.to_vec())),
+        }
+    }
+    Ok((vertices, faces))
+}
+
+/// A mesh for every material, with just the vertices that it uses.
+fn split(vertices: &[Vertex], faces: &[(usize, Vec<u32>)]) -> Vec<Mesh> {
+    let mut places = vec![u32::MAX; vertices.len()];
+    faces
+        .iter()
+        .map(|(material, indices)| {
+            let mut own = Vec::new();
+            let indices = indices
+                .iter()
+                .map(|index| {
+                    let place = &mut places[*index as usize];
+                    if *place == u32::MAX {
+                        *place = own.len() as u32;
+                        own.push(vertices[*index as usize]);
+                    }
+                    *place
+                })
+                .collect();
+            Mesh::new(own, indices, *material)
+        })
+        .collect()
+}
+
+/// A scene of meshes that stand where their coordinates say.
+pub(super) fn single(
+    meshes: Vec<Mesh>,
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
+    notes: Vec<String>,
+) -> Scene {
+    let instances = (0..meshes.len()).map(|mesh| Instance { mesh, node: 0, casts_shadow: true }).collect();
+    let nodes = vec![Node { parent: None, transform: Transform::IDENTITY }];
+    Scene { meshes, materials, textures, nodes, instances, notes, ..Scene::default() }
+}
+
+/// Says what was done about triangles without area and about normals that are no directions.
+pub(super) fn normal_notes(notes: &mut Vec<String>, dropped: usize, given: usize) {
+    if dropped > 0 {
+        notes.push(format!("{dropped} triangles without area left out"));
+    }
+    if given > 0 {
+        notes
+            .push(format!("{given} vertices have no usable normal in the file; computed from the triangles"));
+    }
+}
+
+fn read_library(files: &mut Files, name: &Path) -> Result<(Vec<tobj::Material>, HashMap<String, usize>)> {
+    let name = name.to_string_lossy();
+    // Programs on Windows write their separators.
+    let bytes = files.read(&name.replace('\\', "/"))?;
+    contained(|| {
+        tobj::load_mtl_buf(&mut bytes.as_slice())
+            .map_err(|error| Error::usage("cannot be read").because(error))
+    })
+    .map_err(|error| error.at(format_args!("`{}`", short(&name))))
+}
+
+/// What the conversion of materials needs.
+struct Materials<'a> {
+    files: &'a mut Files,
+    textures: &'a mut Vec<Texture>,
+    notes: &'a mut Vec<String>,
+    pixels_left: u64,
+    /// The textures by their names; none for those that cannot be used.
+    known: HashMap<String, Option<usize>>,
+}
+
+impl Materials<'_> {
+    fn convert(&mut self, from: &tobj::Material) -> Material {
+        // Outside of [0, 1] is what no surface does; NaN is nothing.
+        let within = |x: f32, most: f32| if x.is_nan() { 0.0 } else { x.clamp(0.0, most) };
+        let colour = |colour: Option<[f32; 3]>, otherwise: f32| {
+            colour.unwrap_or([otherwise; 3]).map(|x| within(x, 1.0))
+        };
+        let has_lobe = !matches!(from.illumination_model, Some(0 | 1));
+        let specular = if has_lobe { colour(from.specular, 0.0) } else { [0.0; 3] };
+        let exponent = within(from.shininess.unwrap_or(0.0), MAX_EXPONENT);
+        let mut material = Material::new(Shading::Phong { specular, exponent }, colour(from.diffuse, GREY));
+        material.emissive = from.emissive.unwrap_or_default().map(|x| within(x, f32::MAX));
+        if let Some(name) = &from.diffuse_texture {
+            material.base_colour_texture = self.texture(name);
+            if material.base_colour_texture.is_some() && from.diffuse.is_none() {
+                material.base_colour = [1.0; 4];
+            }
+        }
+        if let Some(alpha) = from.dissolve.filter(|alpha| *alpha < 1.0) {
+            material.base_colour[3] = alpha.max(0.0);
+            material.alpha_cutoff = Some(0.5);
+            self.note(TRANSPARENCY.to_owned());
+        }
+        let others =
+            [&from.specular_texture, &from.normal_texture, &from.shininess_texture, &from.dissolve_texture];
+        for name in others.into_iter().flatten() {
+            self.note(format!("texture `{}` left out: of MTL files only map_Kd is read", short(name)));
+        }
+        material
+    }
+
+    fn texture(&mut self, name: &str) -> Option<usize> {
+        if let Some(known) = self.known.get(name) {
+            return *known;
+        }
+        let bytes = self.files.read(&name.replace('\\', "/"));
+        let outcome = bytes.and_then(|bytes| {
+            contained(|| Texture::decode(&bytes, true, &mut self.pixels_left))
+                .map_err(|error| error.at(format_args!("`{}`", short(name))))
+        });
+        let place = match outcome {
+            Ok(texture) => {
+                self.textures.push(texture);
+                Some(self.textures.len() - 1)
+            }
+            Err(error) => {
+                self.note(format!("texture left out: {error}"));
+                None
+            }
+        };
+        self.known.insert(name.to_owned(), place);
+        place
+    }
+
+    fn note(&mut self, note: String) {
+        if !self.notes.contains(&note) {
+            self.notes.push(note);
+        }
+    }
+}
+
+/// Text that counts the lines that were read from it: `tobj`'s errors do not say where.
+struct Lines<'a> {
+    rest: &'a [u8],
+    read: usize,
+}
+
+impl Read for Lines<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let length = self.rest.len().min(buffer.len());
+        buffer[..length].copy_from_slice(&self.rest[..length]);
+        self.consume(length);
+        Ok(length)
+    }
+}
+
+impl BufRead for Lines<'_> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        Ok(self.rest)
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.read += self.rest[..amount].iter().filter(|byte| **byte == b'\n').count();
+        self.rest = &self.rest[amount..];
+    }
+}
