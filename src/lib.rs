@@ -8,6 +8,8 @@ pub mod image;
 pub mod light;
 pub mod math;
 pub mod picture;
+#[cfg(feature = "render")]
+pub mod render;
 pub mod report;
 pub mod rt;
 pub mod sampling;

@@ -1,0 +1,3 @@
+//! Scenes under the lights of a list.
+
+pub mod budget;
