@@ -10,6 +10,7 @@
 //!
 //! [`Renderer`] runs them.
 
+pub mod budget;
 mod energy;
 mod geometry;
 mod light_space;
