@@ -1,9 +1,10 @@
 //! Pictures for people: a map with its lights drawn on it, and the sphere-on-plane scene of METHODS section 9
-//! shaded by the lights and by the whole map, side by side. And how different two pictures look.
+//! shaded by the lights and by the whole map, side by side. Also how different two pictures look, and line plots.
 
 mod canvas;
 mod flip;
 mod map;
+mod plot;
 mod scene;
 mod tone;
 
@@ -15,6 +16,7 @@ use std::path::Path;
 pub use canvas::Canvas;
 pub use flip::{FlipError, PIXELS_PER_DEGREE, flip, linear_from_srgb8};
 pub use map::draw_map;
+pub use plot::{Panel, Plot, Series};
 pub use scene::draw_scene;
 pub use tone::ToneCurve;
 

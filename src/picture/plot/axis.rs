@@ -1,0 +1,93 @@
+//! A logarithmic axis: its range, where values fall on it, and its ticks.
+
+/// Narrowest range that is drawn, as a ratio: a single value stands in the middle of an octave.
+const NARROWEST: f64 = 2.0;
+/// Room left free at either end, in parts of the range's logarithm.
+const MARGIN: f64 = 0.04;
+/// Ticks that have labels, if there are as many.
+const WANTED_LABELS: usize = 3;
+/// Most labels that a panel has room for.
+const MOST_LABELS: usize = 8;
+
+/// A logarithmic axis from one position in px to another, in either direction.
+pub struct Axis {
+    /// Natural logarithms of the ends.
+    low: f64,
+    high: f64,
+    from_px: f64,
+    to_px: f64,
+}
+
+/// A line across the panel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tick {
+    /// A small integer times a power of ten.
+    pub value: f64,
+    /// Whether the value stands beside it.
+    pub is_labelled: bool,
+}
+
+impl Axis {
+    /// Holds all `values`, which are positive and finite; from 1 to 10 if there are none.
+    pub fn new(values: impl Iterator<Item = f64>, from_px: f64, to_px: f64) -> Self {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for value in values {
+            (low, high) = (low.min(value.ln()), high.max(value.ln()));
+        }
+        if low > high {
+            (low, high) = (0.0, 10.0f64.ln());
+        }
+        let widening = ((NARROWEST.ln() - (high - low)) / 2.0).max(MARGIN * (high - low));
+        Self { low: low - widening, high: high + widening, from_px, to_px }
+    }
+
+    /// The positions that it goes from and to.
+    pub fn ends_px(&self) -> (f64, f64) {
+        (self.from_px, self.to_px)
+    }
+
+    /// Where a positive value falls.
+    pub fn position(&self, value: f64) -> f64 {
+        self.from_px + (value.ln() - self.low) / (self.high - self.low) * (self.to_px - self.from_px)
+    }
+
+    /// Ticks at 1 to 9 times the powers of ten; only at the powers where the range is long. Labels stand at the
+    /// powers, or also at 2 and 5, or at all, so that there are enough of them; at every second, third, ... power
+    /// where there are too many.
+    pub fn ticks(&self) -> Vec<Tick> {
+        const LN_10: f64 = std::f64::consts::LN_10;
+        let decades = (self.low / LN_10).floor() as i32..=(self.high / LN_10).ceil() as i32;
+        let is_inside = |value: f64| value > 0.0 && (self.low..=self.high).contains(&value.ln());
+        let at = |digits: &[u32]| -> usize {
+            let values = decades.clone().flat_map(|decade| digits.iter().map(move |&digit| (digit, decade)));
+            values.filter(|&(digit, decade)| is_inside(power(digit, decade))).count()
+        };
+        let powers = at(&[1]);
+        let (digits, every) = if powers >= WANTED_LABELS {
+            ([1].as_slice(), powers.div_ceil(MOST_LABELS) as i32)
+        } else if at(&[1, 2, 5]) >= WANTED_LABELS {
+            ([1, 2, 5].as_slice(), 1)
+        } else {
+            ([1, 2, 3, 4, 5, 6, 7, 8, 9].as_slice(), 1)
+        };
+        let minor = if powers > MOST_LABELS { 1..=1 } else { 1..=9 };
+        decades
+            .flat_map(|decade| minor.clone().map(move |digit| (digit, decade)))
+            .map(|(digit, decade)| Tick {
+                value: power(digit, decade),
+                is_labelled: digits.contains(&digit) && decade % every == 0,
+            })
+            .filter(|tick| is_inside(tick.value))
+            .collect()
+    }
+}
+
+/// digit * 10^decade, as exact as if it were written so.
+fn power(digit: u32, decade: i32) -> f64 {
+    format!("{digit}e{decade}").parse().unwrap_or(0.0)
+}
+
+/// A tick's value: plain from 0.001 to 9999, else as 2e-5.
+pub fn tick_label(value: f64) -> String {
+    if (0.001..1e4).contains(&value) { format!("{value}") } else { format!("{value:e}") }
+}
