@@ -1,12 +1,11 @@
-use super::panorama::read_panorama;
+use super::panorama::{map_shape, read_panorama};
+use super::resolution::Resolution;
 use crate::error::{Error, Result};
-use crate::image::PolarShape;
 use crate::light::error::ListError;
 use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
 use clap::ValueEnum;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
-use std::str::FromStr;
 
 /// Print the lights of one panorama.
 ///
@@ -43,7 +42,7 @@ pub(super) struct Arguments {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum SamplerName {
+pub(super) enum SamplerName {
     /// Cells about samples of luminance^0.75, each with its flux, mean direction and spread.
     Refined,
     /// Lights of equal luminous power at the samples (Havran et al. 2005).
@@ -58,37 +57,21 @@ enum InversionName {
     Standard,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Resolution {
-    columns: usize,
-    rows: usize,
-}
-
-impl FromStr for Resolution {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let sides = text.split_once('x').and_then(|(columns, rows)| {
-            Some(Self { columns: columns.parse().ok()?, rows: rows.parse().ok()? })
-        });
-        sides.ok_or("write COLUMNSxROWS, such as 360x90".to_owned())
+impl From<SamplerName> for Sampler {
+    fn from(name: SamplerName) -> Self {
+        match name {
+            SamplerName::Refined => Self::Refined,
+            SamplerName::EqualPower => Self::EqualPower,
+        }
     }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let shape = match (arguments.resolution, arguments.hemisphere) {
-        (None, false) => PolarShape::sphere(360, 180),
-        (None, true) => PolarShape::hemisphere(360, 90),
-        (Some(Resolution { columns, rows }), false) => PolarShape::sphere(columns, rows),
-        (Some(Resolution { columns, rows }), true) => PolarShape::hemisphere(columns, rows),
-    };
+    let shape = map_shape(arguments.resolution, arguments.hemisphere);
     let map = read_panorama(&arguments.map, shape)?;
     let options = Options {
         count: arguments.count,
-        sampler: match arguments.sampler {
-            SamplerName::Refined => Sampler::Refined,
-            SamplerName::EqualPower => Sampler::EqualPower,
-        },
+        sampler: arguments.sampler.into(),
         inversion: match arguments.inversion {
             InversionName::Bicontinuous => Inversion::Bicontinuous,
             InversionName::Standard => Inversion::Standard,
@@ -103,18 +86,5 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             Err(Error::failed("standard output cannot be written").because(error))
         }
         _ => Ok(()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn resolutions_are_two_numbers() {
-        assert_eq!("360x90".parse(), Ok(Resolution { columns: 360, rows: 90 }));
-        for text in ["360", "360x", "x90", "-3x4", "360 x 90", "360x90x3"] {
-            assert!(text.parse::<Resolution>().is_err(), "{text}");
-        }
     }
 }

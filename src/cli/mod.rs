@@ -3,7 +3,10 @@
 mod lights;
 mod messages;
 mod panorama;
+#[cfg(feature = "render")]
+mod render;
 mod report;
+mod resolution;
 mod run;
 mod signals;
 mod synthesize;
@@ -27,6 +30,8 @@ struct Arguments {
 enum Command {
     Run(run::Arguments),
     Lights(lights::Arguments),
+    #[cfg(feature = "render")]
+    Render(render::Arguments),
     Synthesize(synthesize::Arguments),
     Report(report::Arguments),
 }
@@ -38,6 +43,8 @@ pub fn main() -> ExitCode {
     let outcome = match &command {
         Command::Run(arguments) => run::run(arguments),
         Command::Lights(arguments) => lights::run(arguments),
+        #[cfg(feature = "render")]
+        Command::Render(arguments) => render::run(arguments),
         Command::Synthesize(arguments) => synthesize::run(arguments),
         Command::Report(arguments) => report::run(arguments),
     };

@@ -1,8 +1,16 @@
+use super::resolution::Resolution;
 use crate::camera::{FrameToPolar, PixelCounts, Projection, Response};
 use crate::error::{Error, Kind, Result};
 use crate::image::{self, Frame, Pixels, PolarMap, PolarShape, lat_long_note};
 use glam::DMat3;
 use std::path::Path;
+
+/// The polar map that a panorama is averaged to, unless `resolution` says otherwise: by degrees.
+pub(super) fn map_shape(resolution: Option<Resolution>, is_hemisphere: bool) -> PolarShape {
+    let rows = if is_hemisphere { 90 } else { 180 };
+    let Resolution { columns, rows } = resolution.unwrap_or(Resolution { columns: 360, rows });
+    if is_hemisphere { PolarShape::hemisphere(columns, rows) } else { PolarShape::sphere(columns, rows) }
+}
 
 /// Reads a lat-long panorama of the whole sphere and averages it by area to a polar map. Pixels without a usable
 /// value count as black; a message says how many.

@@ -1,7 +1,7 @@
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// When and where in its sequence something was captured. Travels with the data from the source to the client.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stamp {
     /// Number of the frame as its source counts: the file's number, the kernel's counter.
     pub sequence: u64,

@@ -1,8 +1,12 @@
+mod file;
+
+pub use file::ListFile;
+
 use crate::image::{Stamp, luminance};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One directional light.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Light {
     /// Slot of the light: the same light from frame to frame.
     pub id: u32,

@@ -25,7 +25,7 @@ pub(crate) mod test_maps;
 
 pub use cluster::cluster;
 pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
-pub use list::{Light, LightList};
+pub use list::{Light, LightList, ListFile};
 pub use nearest::NearestSites;
 pub use prefix::{prefix, prefix_with_heads};
 pub use reference::MapIrradiance;

@@ -11,6 +11,7 @@
 //! [`Renderer`] runs them.
 
 pub mod budget;
+mod emitters;
 mod energy;
 mod geometry;
 mod light_space;
@@ -29,5 +30,6 @@ mod test_scenes;
 mod tiles;
 mod tone;
 
+pub use emitters::emitters;
 pub use options::Options;
 pub use renderer::{LightCounts, Renderer};

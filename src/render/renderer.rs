@@ -161,6 +161,11 @@ impl Renderer {
         &self.gpu
     }
 
+    /// Columns and rows of the picture.
+    pub fn size(&self) -> [usize; 2] {
+        [self.options.width_px as usize, self.options.height_px as usize]
+    }
+
     /// The scene.
     pub fn scene(&self) -> &Scene {
         &self.scene

@@ -57,7 +57,7 @@ pub struct Service {
 impl Service {
     /// Opens everything that `config` names, then the output, so that a start that fails leaves an old output file
     /// alone; then starts the threads. They end when the sequence does, on the first error, and when `shutdown` is
-    /// requested.
+    /// requested. Copies of all lists go to `copies`, for a renderer, say; [`list_link`] makes such a link.
     ///
     /// # Errors
     /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can be
@@ -66,6 +66,7 @@ impl Service {
         config: &Config,
         open_output: impl FnOnce() -> Result<Output>,
         pictures: Option<&Pictures>,
+        copies: Option<link::Sender<LightList>>,
         shutdown: &Shutdown,
     ) -> Result<Self> {
         let sequence = Sequence::open(&config.source)?;
@@ -116,7 +117,7 @@ impl Service {
         let (lists_in, lists_out) = connect(config.links, shutdown, LightList::default);
         let (filtered_in, filtered_out) = connect(config.links, shutdown, LightList::default);
 
-        let publish = stage::Publish::new(output.writer, output.name, list_tap);
+        let publish = stage::Publish::new(output.writer, output.name, list_tap, copies);
         graph.spawn(publish_metrics, publish, filtered_out, Nowhere)?;
         graph.spawn(filter_metrics, stage::Filter(filter), lists_out, filtered_in)?;
         graph.spawn(light_metrics, stage::Light::new(extractor, map_tap), maps_out, lists_in)?;
@@ -144,6 +145,15 @@ impl Service {
     pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
         self.graph.join(interval, watch)
     }
+}
+
+/// A link for copies of the lists that a service publishes: a live service never waits for its reader, who gets the
+/// newest; a replay loses nothing.
+pub fn list_link(
+    config: &Config,
+    shutdown: &Shutdown,
+) -> (link::Sender<LightList>, link::Receiver<LightList>) {
+    connect(config.links, shutdown, LightList::default)
 }
 
 fn connect<T: Item>(

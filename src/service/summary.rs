@@ -14,6 +14,13 @@ impl Summary {
         Self { stages }
     }
 
+    /// With one stage more, which runs outside of the service.
+    #[must_use]
+    pub fn with(mut self, stage: Arc<Metrics>) -> Self {
+        self.stages.push(stage);
+        self
+    }
+
     /// The stages in the order of the data.
     pub fn stages(&self) -> &[Arc<Metrics>] {
         &self.stages

@@ -5,6 +5,8 @@ mod filter;
 mod light;
 mod picture;
 mod publish;
+#[cfg(feature = "render")]
+mod render;
 mod source;
 
 pub use calibrate::Calibrate;
@@ -12,6 +14,8 @@ pub use filter::Filter;
 pub use light::{Light, MapTap};
 pub use picture::Picture;
 pub use publish::{ListTap, Publish};
+#[cfg(feature = "render")]
+pub use render::{Files, PictureWriter, Render};
 pub use source::Source;
 
 use crate::image::{Frame, PolarMap};

@@ -14,12 +14,18 @@ pub struct Publish<W> {
     /// The line under way: one `write` per list, and a list is never written in part because of its contents.
     line: Vec<u8>,
     tap: Option<ListTap>,
+    copies: Option<Sender<LightList>>,
 }
 
 impl<W: Write + Send> Publish<W> {
-    /// Lines to `writer`, called `name` in messages; copies of some lists to `tap`.
-    pub fn new(writer: W, name: impl Into<String>, tap: Option<ListTap>) -> Self {
-        Self { writer, name: name.into(), line: Vec::new(), tap }
+    /// Lines to `writer`, called `name` in messages; copies of some lists to `tap`, copies of all to `copies`.
+    pub fn new(
+        writer: W,
+        name: impl Into<String>,
+        tap: Option<ListTap>,
+        copies: Option<Sender<LightList>>,
+    ) -> Self {
+        Self { writer, name: name.into(), line: Vec::new(), tap, copies }
     }
 }
 
@@ -41,6 +47,16 @@ impl<W: Write + Send> Stage for Publish<W> {
             && tap.offer(list).is_err()
         {
             self.tap = None;
+        }
+        if let Some(copies) = &mut self.copies {
+            let sent = copies.take().and_then(|mut copy| {
+                copy.copy_from(list);
+                copies.send(copy)
+            });
+            // A reader of lists that has gone, like one of lines, ends the run.
+            if sent.is_err() {
+                return Ok(Flow::End);
+            }
         }
         Ok(Flow::Send)
     }
@@ -100,7 +116,7 @@ mod tests {
     #[test]
     fn one_line_a_list() {
         let mut lines = Vec::new();
-        let mut publish = Publish::new(&mut lines, "memory", None);
+        let mut publish = Publish::new(&mut lines, "memory", None, None);
         for sequence in 0..3 {
             assert_eq!(publish.step(&list(sequence), &mut ()).unwrap(), Flow::Send);
         }
@@ -111,9 +127,10 @@ mod tests {
 
     #[test]
     fn a_broken_pipe_ends_and_a_full_disk_fails_with_the_place() {
-        let flow = Publish::new(Fails(ErrorKind::BrokenPipe), "pipe", None).step(&list(1), &mut ());
+        let flow = Publish::new(Fails(ErrorKind::BrokenPipe), "pipe", None, None).step(&list(1), &mut ());
         assert_eq!(flow.unwrap(), Flow::End);
-        let error = Publish::new(Fails(ErrorKind::StorageFull), "out.jsonl", None).step(&list(17), &mut ());
+        let error =
+            Publish::new(Fails(ErrorKind::StorageFull), "out.jsonl", None, None).step(&list(17), &mut ());
         assert!(error.unwrap_err().to_string().starts_with("out.jsonl: list 17: cannot be written: "));
     }
 }

@@ -1,0 +1,410 @@
+use super::lights::SamplerName;
+use super::messages::PROGRESS;
+use super::panorama::{map_shape, read_panorama};
+use super::resolution::Resolution;
+use super::signals::SignalWatch;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::gpu::{Backend, Gpu};
+use crate::image::PolarMap;
+use crate::light::{self, Extractor, Light, LightList, ListFile};
+use crate::render::{Options, Renderer, emitters};
+use crate::rt::stage::{self as stages, Nowhere, Stage};
+use crate::rt::{Clock, Metrics, Shutdown};
+use crate::scene::{Camera, Scene, Shading};
+use crate::service::{Output, Service, list_link};
+use crate::stage::{Files, PictureWriter, Render};
+use clap::ValueEnum;
+use glam::Vec3;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::ffi::OsStr;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+/// Render a scene under captured light.
+///
+/// INPUT is one of
+///   a panorama of the whole sphere, OpenEXR or Radiance HDR;
+///   light lists, one JSON object a line, as `run` and `lights` write them (.jsonl, .json);
+///   a configuration of a sequence, as for `run` (.toml).
+///
+/// The picture goes to a file, .png for people or .exr for linear radiance; for several lists name a folder, which
+/// gets frame_NUMBER.png. Without --scene it shows a built-in scene. Any Vulkan adapter will do, one in software too.
+///
+/// Examples:
+///   lightcast render garden.hdr --output garden.png --scene bunny.glb --ground
+///   lightcast render config/replay.toml --output frames/ --every 10
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// A panorama, light lists or a configuration.
+    input: PathBuf,
+
+    /// Picture file (.png, .exr), or folder for numbered pictures (made if it does not exist).
+    #[arg(long, short, value_name = "FILE|FOLDER")]
+    output: PathBuf,
+
+    /// Scene: glTF (.gltf, .glb), OBJ or PLY. Default: a built-in one.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+
+    /// Put a ground under the scene, which catches shadows.
+    #[arg(long, requires = "scene")]
+    ground: bool,
+
+    /// Size of the picture.
+    #[arg(long, value_name = "COLUMNSxROWS", default_value = "640x480")]
+    size: Resolution,
+
+    /// Lights that shine on everything; more join them.
+    #[arg(long, value_name = "N", default_value_t = 72)]
+    lights: usize,
+
+    /// Lights taken from a panorama for what glossy surfaces mirror (where the scene has any).
+    #[arg(long, value_name = "N", default_value_t = 1152)]
+    glossy_lights: usize,
+
+    /// How a panorama becomes lights.
+    #[arg(long, value_enum, default_value_t = SamplerName::Refined)]
+    sampler: SamplerName,
+
+    /// Join lights with similar directions to at most so many.
+    #[arg(long, value_name = "N")]
+    clusters: Option<usize>,
+
+    /// Shadow maps, for the lights of most power; the others borrow the nearest.
+    #[arg(long, value_name = "N", default_value_t = 72)]
+    shadow_maps: usize,
+
+    /// Side of a shadow map in texels.
+    #[arg(long, value_name = "TEXELS", default_value_t = 256)]
+    shadow_map_size: u32,
+
+    /// Comparisons for the edge of a soft shadow; 1: hard shadows.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    soft_samples: u32,
+
+    /// Samples of a pixel, for smooth edges.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    samples: u32,
+
+    /// Take the upper half of a panorama only.
+    #[arg(long)]
+    hemisphere: bool,
+
+    /// Size of the polar map that a panorama is averaged to [default: 360x180, with --hemisphere 360x90].
+    #[arg(long, value_name = "COLUMNSxROWS")]
+    resolution: Option<Resolution>,
+
+    /// Take every pixel of the polar map as a light, with hard shadows: slow, the reference for all else.
+    #[arg(long)]
+    reference: bool,
+
+    /// Camera: x,y,z of the eye. Default: the scene's own camera, or one that shows all of it.
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    eye: Option<Vec3>,
+
+    /// Camera: x,y,z of what it looks at.
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    target: Option<Vec3>,
+
+    /// Camera: vertical field of view in degrees.
+    #[arg(long, value_name = "DEGREES", value_parser = field_of_view)]
+    fov: Option<f32>,
+
+    /// Time of the scene's animation in seconds, for a single picture.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    time: f64,
+
+    /// Render the first list in every N sequence numbers.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    every: u64,
+
+    /// Graphics interface. OpenGL is for trials: some of its drivers draw wrong pictures without an error.
+    #[arg(long, value_enum, default_value_t = BackendName::Vulkan)]
+    backend: BackendName,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BackendName {
+    Vulkan,
+    Gl,
+}
+
+/// What INPUT is, by its name: panoramas come under many names, lists and configurations under few.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Input {
+    Panorama,
+    Lists,
+    Configuration,
+}
+
+impl Input {
+    fn of(path: &Path) -> Self {
+        match path.extension().and_then(OsStr::to_str) {
+            Some("toml") => Self::Configuration,
+            Some("jsonl" | "json") => Self::Lists,
+            _ => Self::Panorama,
+        }
+    }
+}
+
+/// Where the pictures go.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Target {
+    File { path: PathBuf, is_exr: bool },
+    Folder(PathBuf),
+}
+
+impl Target {
+    fn of(path: &Path) -> Result<Self> {
+        let file = |is_exr| Ok(Self::File { path: path.to_owned(), is_exr });
+        match path.extension().and_then(OsStr::to_str) {
+            _ if path.is_dir() => Ok(Self::Folder(path.to_owned())),
+            Some("png") => file(false),
+            Some("exr") => file(true),
+            None => Ok(Self::Folder(path.to_owned())),
+            Some(_) => {
+                Err(Error::usage("names no kind of picture; give .png, .exr or a folder").at(path.display()))
+            }
+        }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<()> {
+    let target = Target::of(&arguments.output)?;
+    match Input::of(&arguments.input) {
+        Input::Panorama => render_panorama(arguments, &target),
+        Input::Lists => render_lists(arguments, &target),
+        Input::Configuration => render_sequence(arguments, &target),
+    }
+}
+
+fn renderer(arguments: &Arguments) -> Result<Renderer> {
+    let backend = match arguments.backend {
+        BackendName::Vulkan => Backend::Vulkan,
+        BackendName::Gl => Backend::Gl,
+    };
+    let scene = scene(arguments)?;
+    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+    let options = Options {
+        width_px: side(arguments.size.columns),
+        height_px: side(arguments.size.rows),
+        lights: arguments.lights,
+        shadow_maps: arguments.shadow_maps,
+        shadow_map_px: arguments.shadow_map_size,
+        soft_samples: arguments.soft_samples,
+        clusters: arguments.clusters,
+        ..Options::default()
+    };
+    let gpu = Gpu::open(&Gpu::instance(backend), None)?;
+    tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
+    let mut renderer = Renderer::new(gpu, scene, &options)?;
+    renderer.pose(arguments.time);
+    Ok(renderer)
+}
+
+fn scene(arguments: &Arguments) -> Result<Scene> {
+    let Some(path) = &arguments.scene else { return Ok(Scene::built_in()) };
+    let mut scene = Scene::load(path)?;
+    for note in &scene.notes {
+        tracing::warn!("{}: {note}", path.display());
+    }
+    if arguments.ground {
+        scene.add_ground();
+    }
+    Ok(scene)
+}
+
+fn camera(arguments: &Arguments, renderer: &Renderer) -> Result<Camera> {
+    let mut camera = renderer.default_camera();
+    let reach = camera.eye.distance(camera.target);
+    camera.eye = arguments.eye.unwrap_or(camera.eye);
+    camera.target = arguments.target.unwrap_or(camera.target);
+    camera.vertical_fov_rad = arguments.fov.map_or(camera.vertical_fov_rad, f32::to_radians);
+    if arguments.eye.is_some() || arguments.target.is_some() {
+        let forward = camera.target - camera.eye;
+        if forward.length() < 1e-6 * reach {
+            return Err(Error::usage(
+                "--eye and --target are the same point; a camera has to look somewhere",
+            ));
+        }
+        camera.up = Vec3::Y;
+        // Somebody who goes close wants to see it.
+        camera.near = 1e-3 * forward.length().min(reach);
+    }
+    Ok(camera)
+}
+
+fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
+    let Target::File { path, is_exr } = target else {
+        return Err(Error::usage("a panorama gives one picture; name a .png or .exr file")
+            .at(arguments.output.display()));
+    };
+    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
+    let mut renderer = renderer(arguments)?;
+    let camera = camera(arguments, &renderer)?;
+    if arguments.reference {
+        let lights = emitters(&map);
+        let bar = PROGRESS.add(bar("emitters", Some(lights.len() as u64)));
+        renderer.draw_reference(&lights, &camera, arguments.samples, |done| bar.set_position(done as u64))?;
+        bar.finish_and_clear();
+    } else {
+        let lights = lights_of_map(arguments, &renderer, &map)?;
+        renderer.draw(&lights, &camera, arguments.samples)?;
+    }
+    PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)
+}
+
+/// A surface that mirrors anything needs set L.
+fn lights_of_map(arguments: &Arguments, renderer: &Renderer, map: &PolarMap) -> Result<Vec<Light>> {
+    let is_glossy = renderer.scene().materials.iter().any(|material| match material.shading {
+        Shading::MetalRough { .. } => true,
+        Shading::Phong { specular, .. } => specular != [0.0; 3],
+    });
+    let count = if is_glossy { arguments.lights.max(arguments.glossy_lights) } else { arguments.lights };
+    let options = light::Options { count, sampler: arguments.sampler.into(), ..light::Options::default() };
+    let mut list = LightList::default();
+    Extractor::new(map.shape, &options)?.extract(map, &mut list);
+    Ok(list.lights)
+}
+
+fn render_lists(arguments: &Arguments, target: &Target) -> Result<()> {
+    no_reference(arguments)?;
+    let mut file = ListFile::open(&arguments.input)?;
+    let mut renderer = renderer(arguments)?;
+    let camera = camera(arguments, &renderer)?;
+    let mut list = LightList::default();
+    match target {
+        Target::File { path, is_exr } => {
+            if !file.read(&mut list)? {
+                return Err(Error::failed("holds no light list").at(arguments.input.display()));
+            }
+            renderer.draw(&list.lights, &camera, arguments.samples)?;
+            PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)
+        }
+        Target::Folder(folder) => {
+            let mut render = numbered(arguments, renderer, camera, folder)?;
+            let bar = PROGRESS.add(bar("lists", None));
+            while file.read(&mut list)? {
+                render.step(&list, &mut ())?;
+                bar.inc(1);
+            }
+            bar.finish_and_clear();
+            Ok(())
+        }
+    }
+}
+
+/// The service makes lists on its threads; this one renders them.
+fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
+    no_reference(arguments)?;
+    let Target::Folder(folder) = target else {
+        return Err(
+            Error::usage("a sequence gives many pictures; name a folder").at(arguments.output.display())
+        );
+    };
+    let config = Config::load(&arguments.input)?;
+    let shutdown = Shutdown::new();
+    let _signals = SignalWatch::start(&shutdown)?;
+    let renderer = renderer(arguments)?;
+    let camera = camera(arguments, &renderer)?;
+    let render = numbered(arguments, renderer, camera, folder)?;
+    let (copies, lists) = list_link(&config, &shutdown);
+    let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
+    let service = Service::start(&config, nowhere, None, Some(copies), &shutdown)?;
+    let bar = PROGRESS.add(bar("lists", service.frame_count()));
+    let metrics = Metrics::new("render");
+    let progress = bar.clone();
+    let shown = Shown { render, bar: progress };
+    let rendered = stages::run(shown, lists, Nowhere, &Clock::real(), &shutdown, &metrics);
+    // Whichever ends first ends the other: without a reader the service would go on for nothing.
+    shutdown.request();
+    let summary = service.summary().with(metrics);
+    let served = service.join(std::time::Duration::from_millis(100), || ());
+    bar.finish_and_clear();
+    let _ = write!(io::stderr(), "{summary}");
+    rendered.and(served)
+}
+
+/// A stage that shows how far it is.
+struct Shown {
+    render: Render,
+    bar: ProgressBar,
+}
+
+impl Stage for Shown {
+    type Input = LightList;
+    type Output = ();
+
+    fn step(&mut self, list: &LightList, (): &mut ()) -> Result<stages::Flow> {
+        self.bar.inc(1 + list.stamp.lost_before);
+        self.render.step(list, &mut ())
+    }
+}
+
+fn numbered(arguments: &Arguments, renderer: Renderer, camera: Camera, folder: &Path) -> Result<Render> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
+    })?;
+    let files = Files { folder: folder.to_owned(), are_exr: false };
+    Ok(Render::new(renderer, camera, arguments.samples, files, arguments.every))
+}
+
+fn no_reference(arguments: &Arguments) -> Result<()> {
+    if arguments.reference {
+        return Err(Error::usage("--reference takes every pixel of a panorama as a light; give a panorama"));
+    }
+    Ok(())
+}
+
+fn bar(what: &str, length: Option<u64>) -> ProgressBar {
+    let (bar, template) = match length {
+        Some(length) => {
+            (ProgressBar::new(length), format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left"))
+        }
+        None => (ProgressBar::new_spinner(), format!("{{spinner}} {{pos}} {what}, {{elapsed}}")),
+    };
+    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+fn vector(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if x.is_finite() && y.is_finite() && z.is_finite() => Ok(Vec3::new(x, y, z)),
+        _ => Err("write three numbers, such as 0,1.5,4".to_owned()),
+    }
+}
+
+fn field_of_view(text: &str) -> Result<f32, String> {
+    let degrees: Option<f32> = text.parse().ok();
+    degrees.filter(|degrees| (0.1..=170.0).contains(degrees)).ok_or("give 0.1 to 170 degrees".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inputs_and_outputs_are_told_by_their_names() {
+        assert_eq!(Input::of(Path::new("a/b.toml")), Input::Configuration);
+        assert_eq!(Input::of(Path::new("b.jsonl")), Input::Lists);
+        assert_eq!(Input::of(Path::new("b.hdr")), Input::Panorama);
+        assert_eq!(
+            Target::of(Path::new("b.png")).unwrap(),
+            Target::File { path: "b.png".into(), is_exr: false }
+        );
+        assert_eq!(Target::of(Path::new("frames")).unwrap(), Target::Folder("frames".into()));
+        assert!(Target::of(Path::new("b.jpg")).unwrap_err().to_string().contains("b.jpg: names no kind"));
+    }
+
+    #[test]
+    fn vectors_are_three_finite_numbers() {
+        assert_eq!(vector("1, -2.5,3e1"), Ok(Vec3::new(1.0, -2.5, 30.0)));
+        for text in ["1,2", "1,2,3,4", "1,nan,2", "a,b,c", "", "1,inf,0"] {
+            assert!(vector(text).is_err(), "{text}");
+        }
+        assert_eq!(field_of_view("40"), Ok(40.0));
+        assert!(field_of_view("180").is_err() && field_of_view("nan").is_err());
+    }
+}

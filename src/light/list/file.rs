@@ -1,0 +1,176 @@
+use super::{Light, LightList};
+use crate::error::{Error, Result};
+use crate::image::Stamp;
+use crate::light::MAX_LIGHTS;
+use serde::Deserialize;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+/// Longest line that is read: [`MAX_LIGHTS`] lights of some 150 bytes each, twice over.
+const LINE_MAX_BYTES: u64 = 1 << 23;
+
+/// How far a direction may be from length 1: four written digits.
+const LENGTH_TOLERANCE: f32 = 1e-3;
+
+/// Light lists from a file of JSON lines, as [`LightList::write_json_line`] writes them.
+pub struct ListFile {
+    path: PathBuf,
+    reader: BufReader<std::fs::File>,
+    line_number: u64,
+    line: Vec<u8>,
+}
+
+/// What a line must hold. Unknown keys are let pass: later versions may say more.
+#[derive(Deserialize)]
+struct Message {
+    version: u32,
+    #[serde(flatten)]
+    stamp: Stamp,
+    #[serde(default)]
+    filter_delay_frames: u32,
+    #[serde(default)]
+    error: f32,
+    #[serde(default)]
+    prefix_errors: Vec<(u32, f32)>,
+    lights: Vec<Light>,
+}
+
+impl ListFile {
+    /// # Errors
+    /// When the file cannot be opened.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = std::fs::File::open(path)
+            .map_err(|error| Error::failed("cannot be opened").because(error).at(path.display()))?;
+        Ok(Self { path: path.to_owned(), reader: BufReader::new(file), line_number: 0, line: Vec::new() })
+    }
+
+    /// Reads the next list into `list`; false at the end of the file. Empty lines are passed over. The power is that
+    /// of the lights that were read.
+    ///
+    /// # Errors
+    /// With file, line and column: no JSON, a key that is missing, another version; with the number of the light:
+    /// directions that are no unit vectors, irradiances that are negative or not finite.
+    pub fn read(&mut self, list: &mut LightList) -> Result<bool> {
+        loop {
+            self.line.clear();
+            let mut limited = self.reader.by_ref().take(LINE_MAX_BYTES + 1);
+            let length = limited
+                .read_until(b'\n', &mut self.line)
+                .map_err(|error| Error::failed("cannot be read").because(error).at(self.path.display()))?;
+            if length == 0 {
+                return Ok(false);
+            }
+            self.line_number += 1;
+            if self.line.trim_ascii().is_empty() {
+                continue;
+            }
+            let parsed = if length as u64 > LINE_MAX_BYTES {
+                Err(Error::failed(format!("is longer than {LINE_MAX_BYTES} bytes: no light list is")))
+            } else {
+                parse(self.line.trim_ascii(), list)
+            };
+            return parsed.map(|()| true).map_err(|error| {
+                error.at(format_args!("line {}", self.line_number)).at(self.path.display())
+            });
+        }
+    }
+}
+
+fn parse(line: &[u8], list: &mut LightList) -> Result<()> {
+    let message: Message = serde_json::from_slice(line)
+        .map_err(|error| Error::failed("is no light list, one JSON object").because(error))?;
+    let Message { version, stamp, filter_delay_frames, error, prefix_errors, lights } = message;
+    if version != 1 {
+        return Err(Error::failed(format!("is of version {version}; this program reads version 1")));
+    }
+    if lights.len() > MAX_LIGHTS {
+        return Err(Error::failed(format!("holds {} lights; at most {MAX_LIGHTS} are read", lights.len())));
+    }
+    for (number, light) in lights.iter().enumerate() {
+        let length = light.direction.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let fault = if length.is_nan() || (length - 1.0).abs() > LENGTH_TOLERANCE {
+            "direction is no unit vector"
+        } else if !light.irradiance.iter().all(|v| v.is_finite() && *v >= 0.0) {
+            "irradiance is negative or not finite"
+        } else if !(0.0..=std::f32::consts::PI).contains(&light.spread_rad) {
+            "spread_rad is no angle from 0 to pi"
+        } else {
+            continue;
+        };
+        return Err(Error::failed(format!("light {number} (id {}): its {fault}", light.id)));
+    }
+    let mut ids: Vec<u32> = lights.iter().map(|light| light.id).collect();
+    ids.sort_unstable();
+    if let Some(pair) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
+        return Err(Error::failed(format!("two lights have the id {}", pair[0])));
+    }
+    (list.stamp, list.filter_delay_frames, list.error) = (stamp, filter_delay_frames, error);
+    (list.prefix_errors, list.lights) = (prefix_errors, lights);
+    list.reference_irradiance.clear();
+    list.power = list.sum_of_lights();
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(content: &str) -> (tempfile::TempDir, ListFile) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jsonl");
+        std::fs::write(&path, content).unwrap();
+        let file = ListFile::open(&path).unwrap();
+        (folder, file)
+    }
+
+    fn light(id: u32) -> Light {
+        Light { id, direction: [0.6, 0.8, 0.0], irradiance: [1.0, 2.0, 0.5], spread_rad: 0.1 }
+    }
+
+    #[test]
+    fn what_was_written_is_read() {
+        let written = LightList {
+            stamp: Stamp { sequence: 17, capture_time_ns: -5, lost_before: 2, frame_rate_hz: 25.0 },
+            filter_delay_frames: 4,
+            power: [2.0, 4.0, 1.0],
+            error: 0.25,
+            prefix_errors: vec![(1, 0.5)],
+            lights: vec![light(3), light(4)],
+            ..LightList::default()
+        };
+        let mut lines = b"\n".to_vec();
+        written.write_json_line(&mut lines).unwrap();
+        written.write_json_line(&mut lines).unwrap();
+        let (_folder, mut file) = file(std::str::from_utf8(&lines).unwrap());
+        let mut list = LightList::default();
+        for _ in 0..2 {
+            assert!(file.read(&mut list).unwrap());
+            assert_eq!(list, written);
+        }
+        assert!(!file.read(&mut list).unwrap());
+    }
+
+    #[test]
+    fn faults_are_told_with_line_and_light() {
+        let stamp = "\"sequence\":1,\"capture_time_ns\":0,\"lost_before\":0,\"frame_rate_hz\":25.0";
+        let one = |light: &str| format!("{{\"version\":1,{stamp},\"lights\":[{light}]}}");
+        let sound = "{\"id\":1,\"direction\":[0,1,0],\"irradiance\":[1,1,1],\"spread_rad\":0}";
+        for (line, expected) in [
+            (
+                "hello".to_owned(),
+                "line 2: is no light list, one JSON object: expected value at line 1 column 1",
+            ),
+            (format!("{{\"version\":2,{stamp},\"lights\":[]}}"), "is of version 2"),
+            (format!("{{\"version\":1,{stamp}}}"), "missing field `lights`"),
+            (one(&sound.replace("0,1,0", "0,1.1,0")), "light 0 (id 1): its direction is no unit vector"),
+            (one(&sound.replace("1,1,1", "1,-1,1")), "its irradiance is negative"),
+            (one(&sound.replace("1,1,1", "1,1e39,1")), "its irradiance is negative or not finite"),
+            (one(&sound.replace("rad\":0", "rad\":4")), "its spread_rad is no angle"),
+            (one(&format!("{sound},{sound}")), "two lights have the id 1"),
+        ] {
+            let (_folder, mut file) = file(&format!("\n{line}\n"));
+            let error = file.read(&mut LightList::default()).unwrap_err().to_string();
+            assert!(error.contains("a.jsonl: line 2: ") && error.contains(expected), "{line}\n{error}");
+        }
+    }
+}

@@ -1,0 +1,97 @@
+use super::picture::Due;
+use crate::error::Result;
+use crate::image::{Frame, Pixels, write_exr, write_png8};
+use crate::light::LightList;
+use crate::render::Renderer;
+use crate::rt::stage::{Flow, Stage};
+use crate::scene::Camera;
+use std::path::{Path, PathBuf};
+
+/// Renders lists into numbered picture files.
+pub struct Render {
+    renderer: Renderer,
+    camera: Camera,
+    samples: u32,
+    files: Files,
+    due: Due,
+    last_time_ns: Option<i64>,
+    writer: PictureWriter,
+}
+
+/// Where pictures go.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Files {
+    /// The folder, which must exist.
+    pub folder: PathBuf,
+    /// Whether they are radiance as OpenEXR, or PNG for people.
+    pub are_exr: bool,
+}
+
+/// Writes what a renderer has drawn.
+#[derive(Default)]
+pub struct PictureWriter {
+    rgb8: Vec<u8>,
+    radiance: Vec<[f32; 4]>,
+}
+
+impl Render {
+    /// Pictures of `samples` samples a pixel, of the first list in every block of `every` sequence numbers.
+    pub fn new(renderer: Renderer, camera: Camera, samples: u32, files: Files, every: u64) -> Self {
+        let writer = PictureWriter::default();
+        Self { renderer, camera, samples, files, due: Due::new(every), last_time_ns: None, writer }
+    }
+}
+
+impl Stage for Render {
+    type Input = LightList;
+    type Output = ();
+
+    /// The scene moves with the capture time of the lists, not with the time that passes.
+    fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
+        if !self.due.is_due(list.stamp.sequence) {
+            return Ok(Flow::Send);
+        }
+        let time_ns = list.stamp.capture_time_ns;
+        let elapsed_s = time_ns.saturating_sub(self.last_time_ns.unwrap_or(time_ns)) as f64 * 1e-9;
+        self.last_time_ns = Some(time_ns);
+        if self.renderer.scene().is_animated() {
+            self.renderer.pose(time_ns as f64 * 1e-9);
+        }
+        self.renderer.draw(&list.lights, &self.camera, self.samples)?;
+        let ending = if self.files.are_exr { "exr" } else { "png" };
+        let path = self.files.folder.join(format!("frame_{:05}.{ending}", list.stamp.sequence));
+        self.writer.write(&mut self.renderer, elapsed_s, &path, self.files.are_exr)?;
+        Ok(Flow::Send)
+    }
+}
+
+impl PictureWriter {
+    /// Writes the picture drawn last: OpenEXR holds the radiance, black where nothing is seen; PNG the tone-mapped
+    /// picture, its exposure adapted over `elapsed_s` since the last one.
+    ///
+    /// # Errors
+    /// Those of the device; when the file cannot be written.
+    pub fn write(
+        &mut self,
+        renderer: &mut Renderer,
+        elapsed_s: f64,
+        path: &Path,
+        is_exr: bool,
+    ) -> Result<()> {
+        let [width, height] = renderer.size();
+        if is_exr {
+            renderer.read_radiance(&mut self.radiance)?;
+            let frame = Frame {
+                width,
+                height,
+                channels: 3,
+                pixels: Pixels::Radiance(self.radiance.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect()),
+                ..Frame::default()
+            };
+            write_exr(path, &frame, None, false)
+        } else {
+            renderer.read_picture(elapsed_s, &mut self.rgb8)?;
+            write_png8(path, width, height, &self.rgb8)
+        }
+    }
+}
