@@ -146,6 +146,10 @@ fn damaged_obj_files_say_what_is_wrong_and_where() {
         let message = obj(text).unwrap_err();
         assert!(message.contains(says), "{text}: {message}");
     }
+    let groups = format!("{}{SQUARE}f 1 2 3\n", " g a\n".repeat((1 << 20) + 1));
+    assert!(obj(&groups).unwrap_err().contains("has 1048577 lines that begin"));
+    let corners = format!("{SQUARE}f{}\n", " 1".repeat(3 * MAX_TRIANGLES + 1));
+    assert!(obj(&corners).unwrap_err().contains("has 50331649 corners of faces"));
     assert!(load_with("a.stl", b"solid", &[]).unwrap_err().contains("neither glTF nor PLY"));
     assert!(Scene::load(Path::new("/nonexistent/a.obj")).unwrap_err().to_string().contains("cannot be read"));
 }

@@ -6,18 +6,24 @@
 //! `map_Kd` (sRGB), Phong's lobe with `Ks` and `Ns` unless `illum` is 0 or 1, `Ke`, `d`. A library that is missing
 //! or damaged costs the materials, not the scene: a note says so.
 
-use super::file::{Budget, Files, contained, linear_from_srgb, short};
+use super::file::{Budget, Files, MAX_TRIANGLES, MAX_VERTICES, contained, linear_from_srgb, short};
 use super::mesh::{check, drop_zero_area};
 use super::normals::fill_normals;
 use super::{Instance, Material, Mesh, Node, Scene, Shading, Texture, Transform, Vertex};
 use crate::error::{Error, Result};
 use std::cell::RefCell;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, Read};
 use std::path::Path;
 
 /// Albedo of what has neither a material nor colours.
 pub const GREY: f32 = 0.6;
+
+/// Objects, groups and changes of material at most: `tobj` makes a mesh of each.
+const MAX_GROUPS: usize = 1 << 20;
+
+/// Bytes of a material library at most: a material of ten bytes becomes one of some hundreds.
+const MAX_LIBRARY_BYTES: usize = 1 << 24;
 
 /// Largest exponent of Phong's lobe that is kept; MTL files have up to 1000. Its lobe is less than a degree wide.
 const MAX_EXPONENT: f32 = 1e4;
@@ -27,18 +33,19 @@ pub(super) const TRANSPARENCY: &str =
     "surfaces that are partly transparent are drawn opaque where alpha >= 0.5";
 
 pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
+    check_counts(bytes)?;
     let files = RefCell::new(files);
     let notes = RefCell::new(Vec::new());
+    let known = RefCell::new(HashSet::new());
     let mut lines = Lines { rest: bytes, read: 0 };
     let loaded = tobj::load_obj_buf(&mut lines, &tobj::GPU_LOAD_OPTIONS, |name| {
         // A library may be named in every group.
+        if !known.borrow_mut().insert(name.to_path_buf()) {
+            return Ok(Default::default());
+        }
         read_library(&mut files.borrow_mut(), name).or_else(|error| {
-            let note = format!("materials left out: {error}");
-            let mut notes = notes.borrow_mut();
-            if !notes.contains(&note) {
-                notes.push(note);
-            }
-            Ok((Vec::new(), Default::default()))
+            notes.borrow_mut().push(format!("materials left out: {error}"));
+            Ok(Default::default())
         })
     });
     let (models, materials) = loaded.map_err(|error| {
@@ -61,6 +68,34 @@ pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
     let (vertices, faces) = gather(&models, &mut materials, &mut notes)?;
     let meshes = split(&vertices, &faces);
     Ok(single(meshes, materials, textures, notes))
+}
+
+/// Refuses files with more than a scene may have before `tobj` makes ten times their bytes of them.
+fn check_counts(bytes: &[u8]) -> Result<()> {
+    let (mut vertices, mut corners, mut groups) = (0, 0, 0);
+    for line in bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii_start) {
+        match line.first() {
+            Some(b'v') => vertices += 1,
+            Some(b'f' | b'l') => {
+                let words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+                corners += words.count() - 1;
+            }
+            // `o`, `g`, `usemtl`, `mtllib`.
+            Some(b'o' | b'g' | b'u' | b'm') => groups += 1,
+            _ => {}
+        }
+    }
+    // Positions, normals and texture coordinates.
+    for (count, most, what) in [
+        (vertices, 3 * MAX_VERTICES, "lines `v`, `vn` and `vt`"),
+        (corners, 3 * MAX_TRIANGLES, "corners of faces"),
+        (groups, MAX_GROUPS, "lines that begin an object, a group or a material"),
+    ] {
+        if count > most {
+            return Err(Error::usage(format!("has {count} {what}; at most {most} are read: simplify it")));
+        }
+    }
+    Ok(())
 }
 
 /// Vertices of all models, and for every material its triangles.
@@ -122,16 +157,13 @@ fn gather(
     let given = fill_normals(&mut vertices, &indices);
     normal_notes(notes, dropped, if has_normals { given } else { 0 });
 
-    let mut faces: Vec<(usize, Vec<u32>)> = Vec::new();
+    let mut of_material = vec![Vec::new(); materials.len()];
     for triangle in indices.as_chunks::<3>().0 {
         // A model's vertices are its own, so that a corner tells its material.
         let model = ends.partition_point(|(first, _)| *first <= triangle[0]) - 1;
-        let material = ends[model].1;
-        match faces.iter_mut().find(|(known, _)| *known == material) {
-            Some((_, list)) => list.extend(triangle),
-            None => faces.push((material, triangle.to_vec())),
-        }
+        of_material[ends[model].1].extend_from_slice(triangle);
     }
+    let faces = of_material.into_iter().enumerate().filter(|(_, indices)| !indices.is_empty()).collect();
     Ok((vertices, faces))
 }
 
@@ -185,6 +217,11 @@ fn read_library(files: &mut Files, name: &Path) -> Result<(Vec<tobj::Material>, 
     let name = name.to_string_lossy();
     // Programs on Windows write their separators.
     let bytes = files.read(&name.replace('\\', "/"))?;
+    if bytes.len() > MAX_LIBRARY_BYTES {
+        let fault =
+            format!("`{}`: has {} bytes; at most {MAX_LIBRARY_BYTES} are read", short(&name), bytes.len());
+        return Err(Error::usage(fault));
+    }
     contained(|| {
         tobj::load_mtl_buf(&mut bytes.as_slice())
             .map_err(|error| Error::usage("cannot be read").because(error))
