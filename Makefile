@@ -1,4 +1,4 @@
-# make demo   replays the bundled sequence; pictures and light lists in demo/
+# make demo   replays the bundled sequence; light lists, pictures and rendered frames in demo/
 # make test   formatting, lints, documentation, all tests
 # make bench  speed of every step, as a table with the published figures beside it
 # make tables error of the lights on the real maps, as tables (needs the maps; see LIGHTCAST_DATA in README.md)
@@ -15,12 +15,14 @@ demo: system-packages
 	cargo build $(CARGO_FLAGS) --release
 	@mkdir -p demo
 	target/release/lightcast run --config config/replay.toml --output demo/lights.jsonl --pictures demo --picture-every 20
+	target/release/lightcast render config/replay.toml --output demo --every 20
 	@echo "The light lists are in demo/lights.jsonl, the pictures beside it:"
 	@ls demo
 
 test: system-packages
 	cargo fmt --check
 	cargo clippy $(CARGO_FLAGS) --all-targets -- -D warnings
+	cargo clippy $(CARGO_FLAGS) --all-targets --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps
 	cargo test $(CARGO_FLAGS)
 

@@ -7,5 +7,7 @@ mod configuration;
 mod fisheye;
 mod lights;
 mod recording;
+#[cfg(feature = "render")]
+mod render;
 mod repeatable;
 mod signals;

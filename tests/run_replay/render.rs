@@ -1,0 +1,110 @@
+use crate::recording::{Recording, lightcast, panorama, stderr};
+use lightcast::image::{self, Frame, Pixels, write_exr};
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use std::process::Output;
+
+/// Runs `lightcast render` at a small size; `None` where there is no graphics adapter, after saying so.
+fn render(input: &Path, output: &Path, options: &[&str]) -> Option<Output> {
+    let mut command = lightcast();
+    command.arg("render").arg(input).arg("--output").arg(output);
+    if !options.contains(&"--size") {
+        command.args(["--size", "48x36"]);
+    }
+    let run = command.args(["--samples", "1"]).args(options).output().unwrap();
+    if stderr(&run).contains("there is no graphics adapter") {
+        let test = std::thread::current().name().unwrap_or_default().to_owned();
+        // Not eprintln!, which the test harness swallows when a test passes.
+        let _ = writeln!(std::io::stderr(), "skipped: {test}: there is no graphics adapter");
+        return None;
+    }
+    Some(run)
+}
+
+fn radiance(path: &Path) -> Vec<f32> {
+    let mut frame = Frame::default();
+    image::read(path, &mut frame).unwrap();
+    assert_eq!((frame.width, frame.height, frame.channels), (48, 36, 3));
+    let Pixels::Radiance(values) = frame.pixels else { panic!("radiance") };
+    assert!(values.iter().all(|v| v.is_finite() && *v >= 0.0));
+    values
+}
+
+#[test]
+fn a_panorama_its_list_and_its_reference_look_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_exr(&at("sky.exr"), &panorama(64, 32, 3), None, false).unwrap();
+    let map_options = ["--hemisphere", "--resolution", "60x15"];
+    let Some(run) = render(&at("sky.exr"), &at("map.exr"), &map_options) else { return };
+    assert!(run.status.success(), "{}", stderr(&run));
+    let run = render(&at("sky.exr"), &at("map.png"), &map_options).unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+    let reference = [&map_options[..], &["--reference"]].concat();
+    let run = render(&at("sky.exr"), &at("reference.exr"), &reference).unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+    let mut lights = lightcast();
+    lights.arg("lights").arg(at("sky.exr")).args(map_options).args(["--count", "1152"]);
+    fs::write(at("sky.jsonl"), lights.output().unwrap().stdout).unwrap();
+    let run = render(&at("sky.jsonl"), &at("list.exr"), &[]).unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+
+    let map = radiance(&at("map.exr"));
+    assert_eq!(map, radiance(&at("list.exr")), "the program makes the same list of the same map");
+    let reference = radiance(&at("reference.exr"));
+    let mean = reference.iter().sum::<f32>() / reference.len() as f32;
+    let difference = map.iter().zip(&reference).map(|(a, b)| (a - b).abs()).sum::<f32>() / map.len() as f32;
+    println!("mean difference {} of {mean}", difference / mean);
+    assert!(mean > 0.0 && difference < 0.05 * mean, "{difference} {mean}");
+    assert!(fs::metadata(at("map.png")).unwrap().len() > 500);
+}
+
+#[test]
+fn a_sequence_gives_numbered_pictures_and_the_same_each_time() {
+    let recording = Recording::new(9);
+    let (first, second) = (recording.path().join("first"), recording.path().join("second"));
+    let Some(run) = render(&recording.configuration(), &first, &["--every", "4"]) else { return };
+    assert!(run.status.success(), "{}", stderr(&run));
+    let summary = stderr(&run);
+    let row = summary.lines().find(|line| line.starts_with("render")).unwrap_or_else(|| panic!("{summary}"));
+    assert_eq!(row.split_whitespace().nth(1), Some("9"), "{summary}");
+    let mut names: Vec<String> = fs::read_dir(&first)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["frame_00000.png", "frame_00004.png", "frame_00008.png"]);
+    assert!(render(&recording.configuration(), &second, &["--every", "4"]).unwrap().status.success());
+    for name in names {
+        assert_eq!(fs::read(first.join(&name)).unwrap(), fs::read(second.join(&name)).unwrap(), "{name}");
+    }
+}
+
+#[test]
+fn faults_are_told_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_exr(&at("sky.exr"), &panorama(64, 32, 3), None, false).unwrap();
+    fs::write(at("empty.jsonl"), "\n").unwrap();
+    fs::write(at("scene.gltf"), "{}").unwrap();
+    let missing = at("missing.glb");
+    let scene = at("scene.gltf");
+    for (input, output, options, code, expected) in [
+        ("sky.exr", "a.jpg", &[][..], 2, "names no kind of picture"),
+        ("sky.exr", "folder", &[], 2, "a panorama gives one picture"),
+        ("empty.jsonl", "a.png", &[], 1, "empty.jsonl: holds no light list"),
+        ("empty.jsonl", "a.png", &["--reference"], 2, "give a panorama"),
+        ("sky.exr", "a.png", &["--scene", missing.to_str().unwrap()], 2, "missing.glb"),
+        ("sky.exr", "a.png", &["--scene", scene.to_str().unwrap()], 2, "scene.gltf"),
+        ("sky.exr", "a.png", &["--lights", "0"], 2, "0 lights"),
+        ("sky.exr", "a.png", &["--size", "99999x1"], 2, "99999 x 1 pixels"),
+        ("sky.exr", "a.png", &["--shadow-map-size", "4"], 2, "shadow maps of 4 x 4 texels"),
+        ("sky.exr", "a.png", &["--eye", "1,1,1", "--target", "1,1,1"], 2, "the same point"),
+        ("sky.exr", "a.png", &["--fov", "180"], 2, "0.1 to 170 degrees"),
+    ] {
+        let Some(run) = render(&at(input), &at(output), options) else { return };
+        assert_eq!(run.status.code(), Some(code), "{input} {options:?}: {}", stderr(&run));
+        assert!(stderr(&run).contains(expected), "{input} {options:?}: {}", stderr(&run));
+    }
+}
