@@ -1,4 +1,4 @@
-// Reflectance of a surface. CPU twin: src/render/brdf.rs.
+// Reflectance of a surface. CPU twin: src/render/shade_twin.rs.
 
 const PI = 3.14159265358979;
 

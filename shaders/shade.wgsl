@@ -38,6 +38,8 @@ struct Light {
 const NO_TILE = 0xffffffffu;
 // Side of the table of directional albedos: cosine of the view, roughness.
 const ENERGY_SIDE = 32u;
+// A facet nearly along the light would be lifted off all that casts shadows on it.
+const MOST_BEND_BIAS_TEXELS = 8.0;
 
 override COUNTS: bool = false;
 
@@ -127,9 +129,25 @@ fn disc_point(index: u32, count: u32, turn: f32) -> vec2f {
     return sqrt((f32(index) + 0.5) / f32(count)) * vec2f(cos(angle), sin(angle));
 }
 
+// By how many texels a caster must stand over a receiver's plane to hide it. The rasteriser moves corners by 1/256
+// pixel, which steep triangles turn into height. Neighbouring triangles of a curved surface rise over the plane of
+// this one: at an angle b between them by tan(a + b) - tan(a) a texel, which is b (1 + tan^2 a) nearly. Near their edge
+// b is twice the angle `bend` between the triangle and the smoothed normal; flat things have none, and gain no bias.
+fn bias_texels(slope: f32, bend: f32) -> f32 {
+    return 0.25 + slope / 64.0 + min(2.0 * bend * (1.0 + slope * slope), MOST_BEND_BIAS_TEXELS);
+}
+
+// How much of its light a point keeps whose triangle is turned from the light more than its smoothed normal says: all
+// at the same angle, nothing where the triangle turns away, and no edge between (Chiang, Li and Burley 2019,
+// Taming the shadow terminator).
+fn terminator(n_l: f32, face_l: f32, face_n: f32) -> f32 {
+    let g = clamp(face_l / max(n_l * face_n, 1e-6), 0.0, 1.0);
+    return g * (1.0 + g * (1.0 - g));
+}
+
 // Share of a light that reaches `position` past the casters of a tile. `radius` is the tangent of the light's angular
 // radius: the penumbra is as wide as what hides the light is far (Fernando 2005).
-fn visibility(tile: u32, radius: f32, position: vec3f, face: vec3f, turn: f32) -> f32 {
+fn visibility(tile: u32, radius: f32, position: vec3f, face: vec3f, bend: f32, turn: f32) -> f32 {
     if tile == NO_TILE {
         return 1.0;
     }
@@ -143,9 +161,8 @@ fn visibility(tile: u32, radius: f32, position: vec3f, face: vec3f, turn: f32) -
     // Every texel is compared with the receiver's plane at the texel's own centre, so that a plane never shadows
     // itself, however flat the light; steeper than this the light adds next to nothing.
     let n = transpose(basis) * face;
-    at.slope = -n.xy / max(n.z, 0.05);
-    // Curved surfaces rise over their tangent plane by a part of a texel.
-    at.bias = 0.25 * max(1.0 / at.texels.x, 1.0 / at.texels.y) + 1e-5 * at.window.range;
+    at.slope = -n.xy / max(n.z, 0.01);
+    at.bias = bias_texels(length(at.slope), bend) * max(1.0 / at.texels.x, 1.0 / at.texels.y) + 1e-5 * at.window.range;
     let above = at.window.top - at.receiver.z;
     if above <= at.bias {
         return 1.0;
@@ -224,6 +241,8 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
     let position = homogeneous.xyz / homogeneous.w;
     let view = normalize(shade.eye - position);
     let mirrored = reflect(-view, s.normal);
+    let face_n = dot(s.face, s.normal);
+    let bend = distance(s.face, s.normal);
     let energy = directional_albedo(max(dot(s.normal, view), 0.0), max(s.gloss, 0.0));
     let is_glossy = any(s.specular > vec3f(0.0));
     let noise = gradient_noise(vec2f(pixel.xy)) + f32(shade.seed) * 0.61803399;
@@ -249,8 +268,8 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
         }
         let light = lights[number];
         let n_l = dot(s.normal, light.direction);
-        // A triangle that faces away hides the light itself, whatever its smoothed normal says.
-        if n_l <= 0.0 || dot(s.face, light.direction) <= 0.0 {
+        let face_l = dot(s.face, light.direction);
+        if n_l <= 0.0 || face_l <= 0.0 {
             continue;
         }
         shaded += 1u;
@@ -260,8 +279,8 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
             let spread_rad = select(light.spread_rad, 0.0, shade.cone_cosine <= 1.0);
             reflectance += specular_reflectance(s, view, light.direction, spread_rad, energy);
         }
-        let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, noise + 0.7548777 * f32(number));
-        sum += factor * n_l * lit * light.irradiance * reflectance;
+        let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, bend, noise + 0.7548777 * f32(number));
+        sum += factor * terminator(n_l, face_l, face_n) * n_l * lit * light.irradiance * reflectance;
     }
 
     // Set L: specular light inside the cone.
@@ -275,13 +294,14 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
             let number = region_lists[first + 2u + i];
             let light = lights[shade.high_count + number];
             let n_l = dot(s.normal, light.direction);
-            if dot(mirrored, light.direction) < shade.cone_cosine || n_l <= 0.0 || dot(s.face, light.direction) <= 0.0 {
+            let face_l = dot(s.face, light.direction);
+            if dot(mirrored, light.direction) < shade.cone_cosine || n_l <= 0.0 || face_l <= 0.0 {
                 continue;
             }
             shaded += 1u;
             let reflectance = specular_reflectance(s, view, light.direction, light.spread_rad, energy);
-            let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, noise + 0.7548777 * f32(number));
-            sum += factor * n_l * lit * light.irradiance * reflectance;
+            let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, bend, noise + 0.7548777 * f32(number));
+            sum += factor * terminator(n_l, face_l, face_n) * n_l * lit * light.irradiance * reflectance;
         }
     }
     var alpha = 0.0;

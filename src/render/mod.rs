@@ -11,19 +11,41 @@
 //! [`Renderer`] runs them.
 
 pub mod budget;
+#[cfg(test)]
+mod culling_tests;
 mod emitters;
 mod energy;
+#[cfg(test)]
+mod exact_shadow;
 mod geometry;
+#[cfg(test)]
+mod golden_tests;
+#[cfg(test)]
+mod hard_case_tests;
 mod light_space;
 mod lights;
 mod material;
 mod options;
+#[cfg(test)]
+mod reference_tests;
 mod region_pass;
+#[cfg(test)]
+mod region_tests;
 mod renderer;
 #[cfg(test)]
 mod renderer_tests;
 mod shade;
+#[cfg(test)]
+mod shade_tests;
+#[cfg(test)]
+mod shade_twin;
+#[cfg(test)]
+mod shader_tests;
 mod shadow;
+#[cfg(test)]
+mod shadow_tests;
+#[cfg(test)]
+mod soft_shadow_tests;
 mod surface;
 #[cfg(test)]
 mod test_scenes;

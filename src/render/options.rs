@@ -13,7 +13,7 @@ pub struct Options {
     pub shadow_maps: usize,
     /// Side of a shadow map in texels.
     pub shadow_map_px: u32,
-    /// Comparisons for the blocker search and for the filter of a soft shadow; 1: hard shadows.
+    /// Comparisons for the blocker search and for the filter of a soft shadow, up to 256; 1: hard shadows.
     pub soft_samples: u32,
     /// Whether pixels look only at the lights of their angular region.
     pub culling: bool,
@@ -50,6 +50,9 @@ impl Default for Options {
 /// product of them overflows.
 const MAX_SIDE_PX: u32 = 16_384;
 const MAX_SHADOW_MAPS: usize = 4096;
+/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver gives up a pass that
+/// takes seconds.
+const MAX_SOFT_SAMPLES: u32 = 256;
 
 impl Options {
     /// Tiles along a side of the shadow atlas.
@@ -98,6 +101,12 @@ impl Options {
             return Err(Error::usage(format!(
                 "{} shadow maps of {1} x {1} texels need an atlas of {atlas_px} texels along a side; this device has {2}",
                 self.shadow_maps, self.shadow_map_px, limits.max_texture_dimension_2d
+            )));
+        }
+        if !(1..=MAX_SOFT_SAMPLES).contains(&self.soft_samples) {
+            return Err(Error::usage(format!(
+                "{} comparisons for a soft shadow; give 1 (hard shadows) to {MAX_SOFT_SAMPLES}",
+                self.soft_samples
             )));
         }
         if !(0.0..=std::f64::consts::PI).contains(&self.cone_rad) {

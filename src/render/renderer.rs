@@ -17,6 +17,9 @@ use crate::scene::{Camera, Scene};
 use glam::dcamera::rh;
 use glam::{DMat4, DVec3, Mat4};
 
+#[cfg(test)]
+pub(super) mod read_back;
+
 /// Renders one scene, frame after frame, at one size.
 pub struct Renderer {
     gpu: Gpu,
@@ -215,8 +218,14 @@ impl Renderer {
         mut progress: impl FnMut(usize),
     ) -> Result<()> {
         let batch = self.options.shadow_maps.max(1);
-        let options =
-            Options { lights: batch, culling: false, cone_rad: 0.0, soft_samples: 1, ..self.options };
+        let options = Options {
+            lights: batch,
+            culling: false,
+            cone_rad: 0.0,
+            soft_samples: 1,
+            clusters: None,
+            ..self.options
+        };
         let mut done = 0;
         // A scene without light still shows what emits by itself.
         for lights in emitters.chunks(batch).chain(emitters.is_empty().then_some(&[][..])) {
@@ -439,12 +448,12 @@ impl Buffers {
         energies.write(gpu, &energy::table());
         Self {
             camera: Array::new(gpu, "camera", Usage::UNIFORM, 1),
-            space: Array::new(gpu, "light space", Usage::UNIFORM, 1),
+            space: Array::new(gpu, "light space", Usage::UNIFORM | Usage::COPY_SRC, 1),
             lights: Array::new(gpu, "lights", Usage::STORAGE, options.lights),
             tiles: Array::new(gpu, "tiles", Usage::STORAGE, options.shadow_maps),
             tables,
             lists: Array::new(gpu, "region lists", Usage::STORAGE | Usage::COPY_SRC, 1),
-            shade: Array::new(gpu, "shade", Usage::UNIFORM, 1),
+            shade: Array::new(gpu, "shade", Usage::UNIFORM | Usage::COPY_SRC, 1),
             energies,
             radiance: Array::new(gpu, "radiance", Usage::STORAGE | Usage::COPY_SRC, options.pixels()),
             counts: Array::new(gpu, "counts", Usage::STORAGE | Usage::COPY_SRC, 3),

@@ -110,3 +110,73 @@ pub(super) fn furnace(count: u32) -> Vec<Light> {
     (0..).zip(&mut lights).for_each(|(id, light)| light.id = id);
     lights
 }
+
+/// A mesh carried to another place.
+pub(super) fn moved(mut mesh: Mesh, by: Vec3) -> Mesh {
+    for vertex in &mut mesh.vertices {
+        vertex.position = (Vec3::from(vertex.position) + by).to_array();
+    }
+    mesh.bounds = Bounds { min: mesh.bounds.min + by, max: mesh.bounds.max + by };
+    mesh
+}
+
+/// A ring about the y axis through radius 1, `thickness` the radius of its tube: convex outside, concave inside.
+pub(super) fn torus(segments: u32, thickness: f32, material: usize) -> Mesh {
+    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+    let angle = |i: u32| std::f32::consts::TAU * i as f32 / segments as f32;
+    for row in 0..=segments {
+        for column in 0..=segments {
+            let (across, around) = (angle(row), angle(column));
+            let outward = Vec3::new(around.cos(), 0.0, around.sin());
+            let normal = across.cos() * outward + across.sin() * Vec3::Y;
+            let position = (outward + thickness * normal).to_array();
+            vertices.push(Vertex { position, normal: normal.to_array(), uv: [0.0; 2], colour: [1.0; 4] });
+        }
+    }
+    for at in (0..segments * (segments + 1)).filter(|at| at % (segments + 1) != segments) {
+        let next = at + segments + 1;
+        indices.extend([at, at + 1, next, at + 1, next + 1, next]);
+    }
+    let half = Vec3::new(1.0 + thickness, thickness, 1.0 + thickness);
+    Mesh { vertices, indices, material, bounds: Bounds { min: -half, max: half } }
+}
+
+/// A box along the axes, its normals those of its sides.
+pub(super) fn cuboid(min: Vec3, max: Vec3, material: usize) -> Mesh {
+    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+    for axis in 0..3 {
+        for is_high in [false, true] {
+            let first = vertices.len() as u32;
+            let mut normal = [0.0; 3];
+            normal[axis] = if is_high { 1.0 } else { -1.0 };
+            for (i, j) in [(false, false), (true, false), (true, true), (false, true)] {
+                let mut position = if is_high { max } else { min }.to_array();
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                position[u] = if i { max[u] } else { min[u] };
+                position[v] = if j { max[v] } else { min[v] };
+                vertices.push(Vertex { position, normal, uv: [0.0; 2], colour: [1.0; 4] });
+            }
+            let corners = if is_high { [0, 1, 2, 0, 2, 3] } else { [0, 2, 1, 0, 3, 2] };
+            indices.extend(corners.map(|corner| first + corner));
+        }
+    }
+    Mesh { vertices, indices, material, bounds: Bounds { min, max } }
+}
+
+/// A sky that is brighter towards the zenith over a dim ground, as `count` lights in the order of [`furnace`]; the
+/// first is a sun.
+pub(super) fn sky(count: u32) -> Vec<Light> {
+    let mut lights = furnace(count);
+    for light in &mut lights {
+        let height = light.direction[1];
+        let (radiance, colour) =
+            if height > 0.0 { (0.3 + 0.7 * height, [0.6, 0.8, 1.0]) } else { (0.1, [0.5, 0.45, 0.4]) };
+        light.irradiance = std::array::from_fn(|c| light.irradiance[c] * radiance * colour[c]);
+    }
+    if let Some(sun) = lights.first_mut() {
+        sun.direction = Vec3::new(0.5, 0.7, 0.4).normalize_or_zero().to_array();
+        sun.irradiance = [3.0, 2.7, 2.1];
+        sun.spread_rad = 0.0033;
+    }
+    lights
+}
