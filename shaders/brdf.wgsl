@@ -10,6 +10,8 @@ struct Surface {
     specular: vec3f,
     // Metal-rough: the roughness, 0 to 1. Phong: minus the exponent.
     gloss: f32,
+    // Angle between the triangle and its smoothed normal, before a normal map.
+    bend: f32,
 }
 
 // GGX (Walter et al. 2007), alpha = roughness^2.

@@ -236,13 +236,13 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
     s.diffuse = vec3f(unpack2x16float(packed.x), unpack2x16float(packed.y).x);
     s.specular = vec3f(unpack2x16float(packed.y).y, unpack2x16float(packed.z));
     s.gloss = unpack2x16float(packed.w).x;
+    s.bend = unpack2x16float(packed.w).y;
     let ndc = (vec2f(pixel.xy) + 0.5) / vec2f(shade.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let homogeneous = shade.world_from_clip * vec4f(ndc, depth, 1.0);
     let position = homogeneous.xyz / homogeneous.w;
     let view = normalize(shade.eye - position);
     let mirrored = reflect(-view, s.normal);
     let face_n = dot(s.face, s.normal);
-    let bend = distance(s.face, s.normal);
     let energy = directional_albedo(max(dot(s.normal, view), 0.0), max(s.gloss, 0.0));
     let is_glossy = any(s.specular > vec3f(0.0));
     let noise = gradient_noise(vec2f(pixel.xy)) + f32(shade.seed) * 0.61803399;
@@ -279,7 +279,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
             let spread_rad = select(light.spread_rad, 0.0, shade.cone_cosine <= 1.0);
             reflectance += specular_reflectance(s, view, light.direction, spread_rad, energy);
         }
-        let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, bend, noise + 0.7548777 * f32(number));
+        let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, s.bend, noise + 0.7548777 * f32(number));
         sum += factor * terminator(n_l, face_l, face_n) * n_l * lit * light.irradiance * reflectance;
     }
 
@@ -300,7 +300,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
             }
             shaded += 1u;
             let reflectance = specular_reflectance(s, view, light.direction, light.spread_rad, energy);
-            let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, bend, noise + 0.7548777 * f32(number));
+            let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, s.bend, noise + 0.7548777 * f32(number));
             sum += factor * terminator(n_l, face_l, face_n) * n_l * lit * light.irradiance * reflectance;
         }
     }

@@ -5,33 +5,8 @@ struct Camera {
     eye: vec3f,
 }
 
-struct Instance {
-    world_from_mesh: mat4x4f,
-    normal_from_mesh: mat4x4f,
-}
-
-struct Material {
-    base_colour: vec4f,
-    // Phong only: reflectance of the lobe.
-    specular: vec3f,
-    // Phong: minus the exponent. Metal-rough: the roughness.
-    gloss: f32,
-    emissive: vec3f,
-    metallic: f32,
-    normal_scale: f32,
-    // Pixels of less alpha are left out; negative: none.
-    alpha_cutoff: f32,
-    has_normal_map: u32,
-}
-
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read> instances: array<Instance>;
-@group(1) @binding(0) var<uniform> material: Material;
-@group(1) @binding(1) var texture_sampler: sampler;
-@group(1) @binding(2) var base_colour_map: texture_2d<f32>;
-@group(1) @binding(3) var metallic_roughness_map: texture_2d<f32>;
-@group(1) @binding(4) var normal_map: texture_2d<f32>;
-@group(1) @binding(5) var emissive_map: texture_2d<f32>;
 
 struct Varyings {
     @builtin(position) clip: vec4f,
@@ -62,7 +37,7 @@ fn vertex(
 struct Surface {
     // Octahedral shading normal, octahedral normal of the triangle (both towards the eye), emission as halves.
     @location(0) normals: vec4u,
-    // Diffuse and specular reflectance and gloss as halves.
+    // Diffuse and specular reflectance, gloss and how far the normal is bent from the triangle's, as halves.
     @location(1) reflectances: vec4u,
 }
 
@@ -96,7 +71,7 @@ fn fragment(in: Varyings) -> Surface {
     let dp_dy = dpdy(in.world);
     let duv_dx = dpdx(in.uv);
     let duv_dy = dpdy(in.uv);
-    let base = material.base_colour * in.colour * textureSample(base_colour_map, texture_sampler, in.uv);
+    let base = base_colour(in.uv, in.colour);
     let metal_rough = textureSample(metallic_roughness_map, texture_sampler, in.uv);
     let normal_sample = textureSample(normal_map, texture_sampler, in.uv).xyz;
     let emission = material.emissive * textureSample(emissive_map, texture_sampler, in.uv).xyz;
@@ -111,6 +86,8 @@ fn fragment(in: Varyings) -> Surface {
     face = select(normalize(in.normal), face * inverseSqrt(max(area, 1e-30)), area > 1e-30);
     face = select(face, -face, dot(face, view) < 0.0);
     var normal = normalize(in.normal);
+    // Angle between the triangle and the smoothed normal, for small angles.
+    let bend = min(distance(normal, face), distance(normal, -face));
     if material.has_normal_map != 0u {
         normal = normalize(mapped_normal(normal, normal_sample, dp_dx, dp_dy, duv_dx, duv_dy));
     }
@@ -137,7 +114,7 @@ fn fragment(in: Varyings) -> Surface {
         pack2x16float(diffuse.rg),
         pack2x16float(vec2f(diffuse.b, specular.r)),
         pack2x16float(specular.gb),
-        pack2x16float(vec2f(gloss, 0.0)),
+        pack2x16float(vec2f(gloss, bend)),
     );
     return out;
 }

@@ -37,6 +37,15 @@ impl Fault {
     }
 }
 
+/// Types of bindings for [`Gpu::bind_group_layout`].
+pub const UNIFORM: wgpu::BindingType = buffer(wgpu::BufferBindingType::Uniform);
+/// An array that shaders read.
+pub const READ_ONLY: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: true });
+
+const fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
+    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
 impl Gpu {
     /// An instance to make surfaces with before [`Self::open`].
     pub fn instance(backend: Backend) -> wgpu::Instance {
@@ -151,6 +160,34 @@ impl Gpu {
                 ..wgpu::PipelineCompilationOptions::default()
             },
             cache: None,
+        })
+    }
+
+    /// A layout that several pipelines share: bindings by number, with the stages that read them.
+    pub fn bind_group_layout(
+        &self,
+        bindings: &[(u32, wgpu::ShaderStages, wgpu::BindingType)],
+    ) -> wgpu::BindGroupLayout {
+        let entries: Vec<wgpu::BindGroupLayoutEntry> = bindings
+            .iter()
+            .map(|&(binding, visibility, ty)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility,
+                ty,
+                count: None,
+            })
+            .collect();
+        self.device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+    }
+
+    /// A pipeline's layout of these groups, the first group 0.
+    pub fn pipeline_layout(&self, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
+        let groups: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().copied().map(Some).collect();
+        self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &groups,
+            immediate_size: 0,
         })
     }
 

@@ -15,6 +15,9 @@ pub(super) const VERTEX_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::Vertex
     attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Float32x4],
 };
 
+/// Source of what [`Instance`] and a material are in WGSL.
+pub(super) const SOURCE: &str = include_str!("../../shaders/scene.wgsl");
+
 /// Layout for passes that need positions alone.
 pub(super) const POSITION_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
     array_stride: size_of::<Vertex>() as u64,
@@ -37,6 +40,8 @@ pub(super) struct Draw {
     pub base_vertex: i32,
     pub material: usize,
     pub casts_shadow: bool,
+    /// Whether the material has holes.
+    pub is_cut_out: bool,
 }
 
 /// A scene's triangles and where they stand.
@@ -85,6 +90,7 @@ impl Geometry {
                     base_vertex: first_vertex as i32,
                     material: mesh.material,
                     casts_shadow: instance.casts_shadow,
+                    is_cut_out: scene.materials[mesh.material].alpha_cutoff.is_some(),
                 }
             })
             .collect();

@@ -1,7 +1,7 @@
 //! Materials and their textures on the device.
 
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, UNIFORM};
 use crate::scene::{Material, Scene, Shading, Texture, Wrap};
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
@@ -41,13 +41,33 @@ impl From<&Material> for MaterialUniform {
     }
 }
 
+/// Layout of a material's bind group, as `shaders/scene.wgsl` declares it.
+pub(super) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    let stage = wgpu::ShaderStages::FRAGMENT;
+    let texture = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+    gpu.bind_group_layout(&[
+        (0, stage, UNIFORM),
+        (1, stage, sampler),
+        (2, stage, texture),
+        (3, stage, texture),
+        (4, stage, texture),
+        (5, stage, texture),
+    ])
+}
+
 /// A bind group for each material of a scene.
 pub(super) struct Materials(Vec<wgpu::BindGroup>);
 
 impl Materials {
     /// # Errors
     /// When a texture is larger than the device's.
-    pub fn new(gpu: &Gpu, scene: &Scene, layout: &wgpu::BindGroupLayout) -> Result<Self> {
+    pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
+        let layout = layout(gpu);
         let textures =
             scene.textures.iter().map(|texture| upload(gpu, texture)).collect::<Result<Vec<_>>>()?;
         let white = Texture {
@@ -78,7 +98,7 @@ impl Materials {
                 wgpu::BindingResource::TextureView(map.map_or(&white_view, |index| &textures[index]))
             };
             gpu.bind_group(
-                layout,
+                &layout,
                 &[
                     (0, uniform.as_entire_binding()),
                     (1, wgpu::BindingResource::Sampler(&sampler)),

@@ -103,7 +103,7 @@ impl Renderer {
         options.check(&limits)?;
         let geometry = Geometry::new(&gpu, &scene)?;
         let surface_pass = SurfacePass::new(&gpu, options.width_px, options.height_px);
-        let materials = Materials::new(&gpu, &scene, &surface_pass.material_layout())?;
+        let materials = Materials::new(&gpu, &scene)?;
         let shadow_pass = ShadowPass::new(&gpu, options.shadow_map_px, options.tiles_per_side());
         let high = RegionSet::new(&gpu, Regions::for_normals());
         let low = RegionSet::new(&gpu, Regions::for_cones(options.cone_rad));
@@ -271,6 +271,7 @@ impl Renderer {
                 &mut self.timer,
                 &self.bind_groups.shadow,
                 &self.geometry,
+                &self.materials,
                 self.sets.tiles.used(),
             );
         }

@@ -15,6 +15,7 @@ pub(super) struct Surface {
     pub diffuse: Vec3,
     pub specular: Vec3,
     pub gloss: f32,
+    pub bend: f32,
 }
 
 fn ggx_distribution(n_h: f32, alpha: f32) -> f32 {
@@ -170,14 +171,7 @@ impl Frame {
             return 1.0;
         }
         let [x, y, z, _] = self.tiles[tile as usize];
-        let at = &Lookup::new(
-            &self.space,
-            tile,
-            &light_basis(Vec3::new(x, y, z)),
-            position,
-            s.face,
-            s.face.distance(s.normal),
-        );
+        let at = &Lookup::new(&self.space, tile, &light_basis(Vec3::new(x, y, z)), position, s.face, s.bend);
         let receiver = at.receiver.truncate();
         let above = at.window.top - at.receiver.z;
         if above <= at.bias {
@@ -225,6 +219,7 @@ impl Frame {
             diffuse: Vec3::new(packed[0][0], packed[0][1], packed[1][0]),
             specular: Vec3::new(packed[1][1], packed[2][0], packed[2][1]),
             gloss: packed[3][0],
+            bend: packed[3][1],
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::test_scenes::*;
 use super::{Options, Renderer};
-use super::{light_space, shade};
+use super::{shade, shadow, surface};
 use crate::gpu::Gpu;
 use crate::gpu::layout::assert_valid;
 use crate::scene::{Material, Scene};
@@ -11,7 +11,8 @@ use crate::scene::{Material, Scene};
 fn joined(name: &str, source: &str) -> String {
     match name {
         "shade.wgsl" => shade::SOURCES.concat(),
-        "shadow.wgsl" => [light_space::SOURCE, source].concat(),
+        "shadow.wgsl" => shadow::SOURCES.concat(),
+        "surface.wgsl" => surface::SOURCES.concat(),
         _ => source.to_owned(),
     }
 }
@@ -29,7 +30,7 @@ fn every_file_in_shaders_is_valid() {
         assert_valid(&name, &joined);
         names.push(name);
     }
-    assert!(names.len() >= 9, "{names:?}");
+    assert!(names.len() >= 10, "{names:?}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::shade_twin::{Lookup, terminator};
 use super::test_scenes::*;
 use super::{Options, Renderer};
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Material};
+use crate::scene::{Camera, Material, Texture, Wrap};
 use glam::{DVec2, UVec2, Vec3};
 use std::f32::consts::PI;
 
@@ -57,7 +57,7 @@ fn compared(renderer: &mut Renderer, camera: &Camera, direction: Vec3, margin: f
         if n_l <= 1e-2 || face_l <= 1e-2 {
             continue;
         }
-        let at = Lookup::new(&frame.space, 0, &sheets.basis, position, s.face, s.face.distance(s.normal));
+        let at = Lookup::new(&frame.space, 0, &sheets.basis, position, s.face, s.bend);
         let n = (sheets.basis.transpose() * s.face).as_dvec3();
         let receiver = at.receiver.as_dvec3();
         let Some(exact) = sheets.is_lit(receiver.truncate(), receiver.z) else { continue };
@@ -210,4 +210,60 @@ fn a_light_without_a_map_borrows_that_of_its_neighbour() {
         lit += usize::from(passes > 0.99);
     }
     assert!(dark > 300 && lit > 3000, "{dark} {lit}");
+}
+
+/// A texture of two pixels, the left one first.
+fn two_pixels(rgba8: [[u8; 4]; 2]) -> Texture {
+    let rgba8 = rgba8.concat();
+    let (wrap_u, wrap_v) = (Wrap::ClampToEdge, Wrap::ClampToEdge);
+    Texture { width: 2, height: 1, rgba8, is_srgb: false, wrap_u, wrap_v }
+}
+
+#[test]
+fn holes_of_a_material_let_light_through() {
+    let Some(gpu) = Gpu::for_test() else { return };
+    let plate =
+        Material { base_colour_texture: Some(0), alpha_cutoff: Some(0.5), ..Material::lambert([0.8; 3]) };
+    let materials = vec![Material::lambert([0.8; 3]), plate];
+    let mut scene = scene(vec![(ground(1.0, 1.0, 1), true), (ground(4.0, -1.0, 0), false)], materials);
+    // Alpha passes 0.5 half way between the middles of both pixels, at x = 0.5.
+    scene.textures.push(two_pixels([[255; 4], [255, 255, 255, 0]]));
+    let mut renderer = Renderer::new(gpu, scene, &HARD).unwrap();
+    renderer.draw(&[light(0, Vec3::Y, 1.0)], &camera(), 1).unwrap();
+    let frame = renderer.read_back();
+    let (mut dark, mut lit) = (0, 0);
+    for index in 0..SIZE[0] * SIZE[1] {
+        let Some(at) = frame.position(UVec2::new(index % SIZE[0], index / SIZE[0])) else { continue };
+        if at.y > -0.9 || at.z.abs() > 0.95 {
+            assert!(at.y < -0.9 || at.x < 0.52, "the hole is seen through: {at}");
+            continue;
+        }
+        let found = frame.radiance[index as usize][1];
+        if (-0.95..0.47).contains(&at.x) {
+            assert_eq!(found, 0.0, "{at}");
+            dark += 1;
+        } else if (0.53..0.95).contains(&at.x) {
+            assert!(found > 0.25, "{at}: {found}");
+            lit += 1;
+        }
+    }
+    assert!(dark > 200 && lit > 100, "{dark} {lit}");
+}
+
+#[test]
+fn a_normal_map_moves_no_shadow() {
+    let Some(gpu) = Gpu::for_test() else { return };
+    let mapped = Material { normal_texture: Some(0), ..Material::lambert([0.8; 3]) };
+    let mut scene = scene(vec![(ground(4.0, -1.0, 0), true)], vec![mapped]);
+    scene.textures.push(two_pixels([[200, 128, 220, 255]; 2]));
+    let mut renderer = Renderer::new(gpu, scene, &HARD).unwrap();
+    renderer.draw(&[light(0, Vec3::Y, 1.0)], &camera(), 1).unwrap();
+    let frame = renderer.read_back();
+    let pixels = (0..SIZE[0] * SIZE[1]).map(|index| UVec2::new(index % SIZE[0], index / SIZE[0]));
+    let seen: Vec<UVec2> = pixels.filter(|&pixel| frame.position(pixel).is_some()).collect();
+    assert!(seen.len() > 4000);
+    for pixel in seen {
+        let s = frame.surface(pixel);
+        assert!(s.bend < 1e-3 && s.normal.dot(s.face) < 0.9, "{pixel}: {} {} {}", s.bend, s.normal, s.face);
+    }
 }

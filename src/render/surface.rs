@@ -1,12 +1,12 @@
 //! What every pixel shows: depth, normals and reflectances.
 
-use super::geometry::{Geometry, Instance, VERTEX_LAYOUT};
-use super::material::Materials;
-use crate::gpu::{Array, Gpu, Timer};
+use super::geometry::{self, Geometry, Instance, VERTEX_LAYOUT};
+use super::material::{self, Materials};
+use crate::gpu::{Array, Gpu, READ_ONLY, Timer, UNIFORM};
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
-pub(super) const SHADER: &str = include_str!("../../shaders/surface.wgsl");
+pub(super) const SOURCES: [&str; 2] = [geometry::SOURCE, include_str!("../../shaders/surface.wgsl")];
 
 /// Where from it is seen.
 #[repr(C)]
@@ -20,6 +20,7 @@ pub(super) struct CameraUniform {
 /// Draws surfaces into textures of the picture's size.
 pub(super) struct SurfacePass {
     pipeline: wgpu::RenderPipeline,
+    layout: wgpu::BindGroupLayout,
     depth: wgpu::TextureView,
     normals: wgpu::TextureView,
     reflectances: wgpu::TextureView,
@@ -30,12 +31,17 @@ const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 impl SurfacePass {
     pub fn new(gpu: &Gpu, width_px: u32, height_px: u32) -> Self {
-        let module = gpu.shader("surface", &[SHADER]);
+        let module = gpu.shader("surface", &SOURCES);
+        let layout = gpu.bind_group_layout(&[
+            (0, wgpu::ShaderStages::VERTEX_FRAGMENT, UNIFORM),
+            (1, wgpu::ShaderStages::VERTEX, READ_ONLY),
+        ]);
+        let material_layout = material::layout(gpu);
         let target =
             Some(wgpu::ColorTargetState { format: PACKED, blend: None, write_mask: wgpu::ColorWrites::ALL });
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("surface"),
-            layout: None,
+            layout: Some(&gpu.pipeline_layout(&[&layout, &material_layout])),
             vertex: wgpu::VertexState {
                 module: &module,
                 entry_point: Some("vertex"),
@@ -79,6 +85,7 @@ impl SurfacePass {
         };
         Self {
             pipeline,
+            layout,
             depth: target("depth", DEPTH),
             normals: target("normals", PACKED),
             reflectances: target("reflectances", PACKED),
@@ -96,15 +103,7 @@ impl SurfacePass {
         camera: &Array<CameraUniform>,
         instances: &Array<Instance>,
     ) -> wgpu::BindGroup {
-        gpu.bind_group(
-            &self.pipeline.get_bind_group_layout(0),
-            &[(0, camera.binding()), (1, instances.binding())],
-        )
-    }
-
-    /// Layout of the bind group of a material.
-    pub fn material_layout(&self) -> wgpu::BindGroupLayout {
-        self.pipeline.get_bind_group_layout(1)
+        gpu.bind_group(&self.layout, &[(0, camera.binding()), (1, instances.binding())])
     }
 
     pub fn encode(
@@ -160,21 +159,22 @@ mod tests {
 
     #[test]
     fn the_shader_is_valid_and_its_structs_lie_as_they_are_written() {
-        assert_valid("surface", SHADER);
+        let source = SOURCES.concat();
+        assert_valid("surface", &source);
         assert_layout(
-            SHADER,
+            &source,
             "Camera",
             size_of::<CameraUniform>(),
             members!(CameraUniform: clip_from_world, eye),
         );
         assert_layout(
-            SHADER,
+            &source,
             "Instance",
             size_of::<Instance>(),
             members!(Instance: world_from_mesh, normal_from_mesh),
         );
         assert_layout(
-            SHADER,
+            &source,
             "Material",
             size_of::<MaterialUniform>(),
             members!(MaterialUniform: base_colour, specular, gloss, emissive, metallic, normal_scale, alpha_cutoff, has_normal_map),

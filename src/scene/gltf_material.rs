@@ -62,7 +62,6 @@ impl Materials {
         let mut material = Material::new(Shading::MetalRough { metallic, roughness }, [red, green, blue]);
         material.base_colour[3] = alpha;
         material.emissive = factors(from.emissive_factor(), "emissiveFactor")?;
-        material.double_sided = from.double_sided();
         material.alpha_cutoff = match from.alpha_mode() {
             AlphaMode::Opaque => None,
             AlphaMode::Mask => Some(from.alpha_cutoff().unwrap_or(0.5)),

@@ -208,7 +208,7 @@ fn materials_and_their_pictures_are_read_once_for_each_coding() {
         },
         "normalTexture": { "index": 0, "scale": 0.5 }, "occlusionTexture": { "index": 0 },
         "emissiveTexture": { "index": 0, "texCoord": 1 }, "emissiveFactor": [0.0, 1.0, 0.0],
-        "alphaMode": "MASK", "alphaCutoff": 0.25, "doubleSided": true
+        "alphaMode": "MASK", "alphaCutoff": 0.25
     }]);
     document.primitive()["material"] = json!(0);
     let folder = tempfile::tempdir().unwrap();
@@ -226,7 +226,7 @@ fn materials_and_their_pictures_are_read_once_for_each_coding() {
         (Some(1), 0.5, None)
     );
     assert_eq!((material.base_colour, material.alpha_cutoff), ([0.5, 0.25, 1.0, 0.75], Some(0.25)));
-    assert!(material.double_sided && scene.textures[0].is_srgb && !scene.textures[1].is_srgb);
+    assert!(scene.textures[0].is_srgb && !scene.textures[1].is_srgb);
     assert_eq!(
         (scene.textures[1].wrap_u, scene.textures[1].wrap_v),
         (Wrap::ClampToEdge, Wrap::MirroredRepeat)

@@ -22,7 +22,8 @@ pub enum Shading {
 /// [`Scene::textures`](super::Scene::textures), looked up at the vertex's `uv`.
 ///
 /// Occlusion textures of glTF files are left out on purpose: they hold the shadow of ambient light, which the
-/// lights with their shadow maps give already, so it would be counted twice.
+/// lights with their shadow maps give already, so it would be counted twice. Every triangle is seen from both sides, and
+/// casts shadows from both, whatever `doubleSided` says: many files leave it out, or wind triangles either way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// How the surface reflects.
@@ -44,8 +45,6 @@ pub struct Material {
     pub emissive_texture: Option<usize>,
     /// Where alpha is below it, the surface is not there, for shadows either. `None`: opaque, alpha unused.
     pub alpha_cutoff: Option<f32>,
-    /// Whether back faces are drawn too, with the normal turned round.
-    pub double_sided: bool,
 }
 
 impl Material {
@@ -66,7 +65,6 @@ impl Material {
             emissive: [0.0; 3],
             emissive_texture: None,
             alpha_cutoff: None,
-            double_sided: false,
         }
     }
 }
