@@ -6,8 +6,8 @@ struct Shade {
     eye: vec3f,
     // Factor for what this call adds.
     weight: f32,
-    // Whether what earlier calls left is dropped.
-    starts: u32,
+    // Factor for what earlier calls left; 0 drops it, whatever it is.
+    keep: f32,
     size: vec2u,
     // Number of lights in set H; set L follows it.
     high_count: u32,
@@ -222,7 +222,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
         return;
     }
     let index = pixel.y * shade.size.x + pixel.x;
-    let before = select(radiance[index], vec4f(0.0), shade.starts != 0u);
+    let before = select(shade.keep * radiance[index], vec4f(0.0), shade.keep == 0.0);
     let depth = textureLoad(depths, pixel.xy, 0);
     if depth <= 0.0 {
         radiance[index] = before;

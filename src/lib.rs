@@ -21,3 +21,5 @@ pub mod service;
 pub mod source;
 pub mod stage;
 pub mod temporal;
+#[cfg(feature = "render")]
+pub mod window;

@@ -12,14 +12,23 @@ pub(super) static PROGRESS: LazyLock<MultiProgress> = LazyLock::new(MultiProgres
 /// Sends messages to standard error; `RUST_LOG` says which, by default all from INFO up.
 pub(super) fn start() {
     tracing_subscriber::fmt()
-        .with_env_filter(
-            EnvFilter::builder().with_default_directive(LevelFilter::INFO.into()).from_env_lossy(),
-        )
+        .with_env_filter(filter())
         .with_writer(|| BesideProgress)
         .with_ansi(io::stderr().is_terminal())
         .with_target(false)
         .without_time()
         .init();
+}
+
+/// A display without a window manager is no fault, but winit warns of it; who wants to hear that names winit in
+/// `RUST_LOG`.
+fn filter() -> EnvFilter {
+    let filter = EnvFilter::builder().with_default_directive(LevelFilter::INFO.into()).from_env_lossy();
+    let names_winit = std::env::var("RUST_LOG").is_ok_and(|text| text.contains("winit"));
+    match "winit=error".parse() {
+        Ok(directive) if !names_winit => filter.add_directive(directive),
+        _ => filter,
+    }
 }
 
 /// Standard error, with the progress bar taken away while a message is written. A message that nobody can receive

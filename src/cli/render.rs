@@ -1,3 +1,5 @@
+mod window;
+
 use super::lights::SamplerName;
 use super::messages::PROGRESS;
 use super::panorama::{map_shape, read_panorama};
@@ -29,20 +31,34 @@ use std::path::{Path, PathBuf};
 ///   a configuration of a sequence, as for `run` (.toml).
 ///
 /// The picture goes to a file, .png for people or .exr for linear radiance; for several lists name a folder, which
-/// gets frame_NUMBER.png. Without --scene it shows a built-in scene. Any Vulkan adapter will do, one in software too.
+/// gets frame_NUMBER.png. Without --output a window opens, if there is a display; there lists arrive at their own pace,
+/// and the newest is shown. Its keys:
+///   drag left, right   turn round the scene, move sideways
+///   wheel              go nearer or away
+///   Space              freeze the lights, or let them go on
+///   i, t               show or hide the map of the lights, the timings in the title
+///   r, s, h            back to the first camera, save picture_N.png, print the keys
+///   q, Escape          close
+///
+/// Without --scene it shows a built-in scene. Any Vulkan adapter will do, one in software too.
 ///
 /// Examples:
 ///   lightcast render garden.hdr --output garden.png --scene bunny.glb --ground
 ///   lightcast render config/replay.toml --output frames/ --every 10
+///   lightcast render config/replay.toml --budget 16
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
     /// A panorama, light lists or a configuration.
     input: PathBuf,
 
-    /// Picture file (.png, .exr), or folder for numbered pictures (made if it does not exist).
+    /// Picture file (.png, .exr), or folder for numbered pictures (made if it does not exist). Default: a window.
     #[arg(long, short, value_name = "FILE|FOLDER")]
-    output: PathBuf,
+    output: Option<PathBuf>,
+
+    /// Window: time that a frame may take; fewer lights and shadow maps than given keep to it.
+    #[arg(long, value_name = "MILLISECONDS", conflicts_with = "output", value_parser = milliseconds)]
+    budget: Option<f64>,
 
     /// Scene: glTF (.gltf, .glb), OBJ or PLY. Default: a built-in one.
     #[arg(long, value_name = "FILE")]
@@ -84,9 +100,9 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 8)]
     soft_samples: u32,
 
-    /// Samples of a pixel, for smooth edges.
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    samples: u32,
+    /// Samples of a pixel, for smooth edges [default: 4; in a window 1, more while nothing moves].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    samples: Option<u32>,
 
     /// Take the upper half of a panorama only.
     #[arg(long)]
@@ -169,10 +185,19 @@ impl Target {
             }
         }
     }
+
+    fn name(&self) -> std::path::Display<'_> {
+        let (Self::File { path, .. } | Self::Folder(path)) = self;
+        path.display()
+    }
 }
 
+/// Samples of a pixel in pictures that nobody watches growing better.
+const SAMPLES: u32 = 4;
+
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let target = Target::of(&arguments.output)?;
+    let Some(output) = &arguments.output else { return window::run(arguments) };
+    let target = Target::of(output)?;
     match Input::of(&arguments.input) {
         Input::Panorama => render_panorama(arguments, &target),
         Input::Lists => render_lists(arguments, &target),
@@ -180,14 +205,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-fn renderer(arguments: &Arguments) -> Result<Renderer> {
-    let backend = match arguments.backend {
+fn backend(arguments: &Arguments) -> Backend {
+    match arguments.backend {
         BackendName::Vulkan => Backend::Vulkan,
         BackendName::Gl => Backend::Gl,
-    };
-    let scene = scene(arguments)?;
+    }
+}
+
+fn options(arguments: &Arguments) -> Options {
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
-    let options = Options {
+    Options {
         width_px: side(arguments.size.columns),
         height_px: side(arguments.size.rows),
         lights: arguments.lights,
@@ -196,12 +223,20 @@ fn renderer(arguments: &Arguments) -> Result<Renderer> {
         soft_samples: arguments.soft_samples,
         clusters: arguments.clusters,
         ..Options::default()
-    };
-    let gpu = Gpu::open(&Gpu::instance(backend), None)?;
+    }
+}
+
+fn renderer(arguments: &Arguments) -> Result<Renderer> {
+    let scene = scene(arguments)?;
+    let gpu = Gpu::open(&Gpu::instance(backend(arguments)), None)?;
     tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
-    let mut renderer = Renderer::new(gpu, scene, &options)?;
+    let mut renderer = Renderer::new(gpu, scene, &options(arguments))?;
     renderer.pose(arguments.time);
     Ok(renderer)
+}
+
+fn samples(arguments: &Arguments) -> u32 {
+    arguments.samples.unwrap_or(SAMPLES)
 }
 
 fn scene(arguments: &Arguments) -> Result<Scene> {
@@ -238,8 +273,7 @@ fn camera(arguments: &Arguments, renderer: &Renderer) -> Result<Camera> {
 
 fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
     let Target::File { path, is_exr } = target else {
-        return Err(Error::usage("a panorama gives one picture; name a .png or .exr file")
-            .at(arguments.output.display()));
+        return Err(Error::usage("a panorama gives one picture; name a .png or .exr file").at(target.name()));
     };
     let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
     let mut renderer = renderer(arguments)?;
@@ -247,18 +281,19 @@ fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
     if arguments.reference {
         let lights = emitters(&map);
         let bar = PROGRESS.add(bar("emitters", Some(lights.len() as u64)));
-        renderer.draw_reference(&lights, &camera, arguments.samples, |done| bar.set_position(done as u64))?;
+        renderer
+            .draw_reference(&lights, &camera, samples(arguments), |done| bar.set_position(done as u64))?;
         bar.finish_and_clear();
     } else {
-        let lights = lights_of_map(arguments, &renderer, &map)?;
-        renderer.draw(&lights, &camera, arguments.samples)?;
+        let lights = lights_of_map(arguments, renderer.scene(), &map)?;
+        renderer.draw(&lights, &camera, samples(arguments))?;
     }
     PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)
 }
 
 /// A surface that mirrors anything needs set L.
-fn lights_of_map(arguments: &Arguments, renderer: &Renderer, map: &PolarMap) -> Result<Vec<Light>> {
-    let is_glossy = renderer.scene().materials.iter().any(|material| match material.shading {
+fn lights_of_map(arguments: &Arguments, scene: &Scene, map: &PolarMap) -> Result<Vec<Light>> {
+    let is_glossy = scene.materials.iter().any(|material| match material.shading {
         Shading::MetalRough { .. } => true,
         Shading::Phong { specular, .. } => specular != [0.0; 3],
     });
@@ -280,7 +315,7 @@ fn render_lists(arguments: &Arguments, target: &Target) -> Result<()> {
             if !file.read(&mut list)? {
                 return Err(Error::failed("holds no light list").at(arguments.input.display()));
             }
-            renderer.draw(&list.lights, &camera, arguments.samples)?;
+            renderer.draw(&list.lights, &camera, samples(arguments))?;
             PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)
         }
         Target::Folder(folder) => {
@@ -300,9 +335,7 @@ fn render_lists(arguments: &Arguments, target: &Target) -> Result<()> {
 fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
     no_reference(arguments)?;
     let Target::Folder(folder) = target else {
-        return Err(
-            Error::usage("a sequence gives many pictures; name a folder").at(arguments.output.display())
-        );
+        return Err(Error::usage("a sequence gives many pictures; name a folder").at(target.name()));
     };
     let config = Config::load(&arguments.input)?;
     let shutdown = Shutdown::new();
@@ -348,7 +381,7 @@ fn numbered(arguments: &Arguments, renderer: Renderer, camera: Camera, folder: &
         Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
     })?;
     let files = Files { folder: folder.to_owned(), are_exr: false };
-    Ok(Render::new(renderer, camera, arguments.samples, files, arguments.every))
+    Ok(Render::new(renderer, camera, samples(arguments), files, arguments.every))
 }
 
 fn no_reference(arguments: &Arguments) -> Result<()> {
@@ -381,6 +414,13 @@ fn field_of_view(text: &str) -> Result<f32, String> {
     degrees.filter(|degrees| (0.1..=170.0).contains(degrees)).ok_or("give 0.1 to 170 degrees".to_owned())
 }
 
+fn milliseconds(text: &str) -> Result<f64, String> {
+    let time_ms: Option<f64> = text.parse().ok();
+    time_ms
+        .filter(|time_ms| (0.1..=10_000.0).contains(time_ms))
+        .ok_or("give 0.1 to 10000 milliseconds".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -405,6 +445,8 @@ mod tests {
             assert!(vector(text).is_err(), "{text}");
         }
         assert_eq!(field_of_view("40"), Ok(40.0));
+        assert_eq!(milliseconds("16.7"), Ok(16.7));
+        assert!(milliseconds("0").is_err() && milliseconds("nan").is_err());
         assert!(field_of_view("180").is_err() && field_of_view("nan").is_err());
     }
 }

@@ -20,6 +20,8 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// Name, driver and kind of the adapter.
     pub info: wgpu::AdapterInfo,
+    /// `None` for the device that computes nothing.
+    adapter: Option<wgpu::Adapter>,
     fault: Fault,
 }
 
@@ -92,7 +94,7 @@ impl Gpu {
         let info = adapter.get_info();
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|error| Error::failed(format!("{}: cannot be opened", info.name)).because(error))?;
-        Ok(Self::new(device, queue, info))
+        Ok(Self { adapter: Some(adapter), ..Self::new(device, queue, info) })
     }
 
     /// A device that accepts everything that is valid and computes nothing: layouts and bindings can be tested
@@ -110,7 +112,21 @@ impl Gpu {
             lost.set(format!("the graphics device was lost ({reason:?}): {message}"));
         });
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| failed.set(error.to_string())));
-        Self { device, queue, info, fault }
+        Self { device, queue, info, adapter: None, fault }
+    }
+
+    /// The format of 8 bits that code as sRGB in which `surface` takes pictures from this device.
+    ///
+    /// # Errors
+    /// When it takes none.
+    pub fn surface_format(&self, surface: &wgpu::Surface) -> Result<wgpu::TextureFormat> {
+        use wgpu::TextureFormat::{Bgra8UnormSrgb, Rgba8UnormSrgb};
+        let formats = self.adapter.as_ref().map(|adapter| surface.get_capabilities(adapter).formats);
+        let is_srgb8 = |format: &wgpu::TextureFormat| [Bgra8UnormSrgb, Rgba8UnormSrgb].contains(format);
+        formats.unwrap_or_default().into_iter().find(is_srgb8).ok_or_else(|| {
+            Error::failed("the window takes no pictures of 8-bit sRGB; give --output to draw into files")
+                .at(&self.info.name)
+        })
     }
 
     /// Whether the driver has reported nothing wrong so far.

@@ -11,81 +11,109 @@ const SIZE: usize = 720;
 const WIDEST_DISC_RAD: f64 = 2.0;
 /// Colour of the lights, as in the paper's figure 1.
 const GREEN: [u8; 3] = [40, 255, 60];
-/// Radius in pixels of a light that has all the power; others by the square root of their share.
-const FULL_RADIUS: f64 = 60.0;
+/// Radius of a light that has all the power, as a part of the width; others by the square root of their share.
+const FULL_RADIUS: f64 = 1.0 / 12.0;
 
 /// Where directions fall on the picture.
 #[derive(Clone, Copy)]
 enum View {
     /// Azimuthal equidistant about +Y: theta from the centre, phi anticlockwise from the right, as seen from below.
-    Disc,
+    Disc { side: usize },
     /// Columns are phi, rows are theta.
-    Panorama { height: usize },
+    Panorama { width: usize, height: usize },
 }
 
 impl View {
-    fn of(theta_max_rad: f64) -> Self {
+    fn of(theta_max_rad: f64, width: usize) -> Self {
         if theta_max_rad <= WIDEST_DISC_RAD {
-            Self::Disc
+            Self::Disc { side: width }
         } else {
-            Self::Panorama { height: (SIZE as f64 * theta_max_rad / TAU).round() as usize }
+            let height = (width as f64 * theta_max_rad / TAU).round() as usize;
+            Self::Panorama { width, height: height.max(1) }
         }
     }
 
     fn size(self) -> (usize, usize) {
         match self {
-            Self::Disc => (SIZE, SIZE),
-            Self::Panorama { height } => (SIZE, height),
+            Self::Disc { side } => (side, side),
+            Self::Panorama { width, height } => (width, height),
         }
     }
 
     /// (theta, phi) at a picture position, theta as a fraction of the map's extent; None outside of the map.
     fn angles(self, x: f64, y: f64) -> Option<(f64, f64)> {
         match self {
-            Self::Disc => {
-                let half = SIZE as f64 / 2.0;
+            Self::Disc { side } => {
+                let half = side as f64 / 2.0;
                 let (right, up) = (x / half - 1.0, 1.0 - y / half);
                 let radius = right.hypot(up);
                 (radius < 1.0).then(|| (radius, up.atan2(right).rem_euclid(TAU)))
             }
-            Self::Panorama { height } => Some((y / height as f64, TAU * x / SIZE as f64)),
+            Self::Panorama { width, height } => Some((y / height as f64, TAU * x / width as f64)),
         }
     }
 
     /// The inverse of [`Self::angles`].
     fn position(self, theta: f64, phi: f64) -> (f64, f64) {
         match self {
-            Self::Disc => {
-                let half = SIZE as f64 / 2.0;
+            Self::Disc { side } => {
+                let half = side as f64 / 2.0;
                 (half * (1.0 + theta * phi.cos()), half * (1.0 - theta * phi.sin()))
             }
-            Self::Panorama { height } => (SIZE as f64 * phi / TAU, theta * height as f64),
+            Self::Panorama { width, height } => (width as f64 * phi / TAU, theta * height as f64),
         }
+    }
+}
+
+/// A tone-mapped map without lights: what many lists can be drawn on.
+#[derive(Clone)]
+pub struct MapBackground {
+    canvas: Canvas,
+    view: View,
+    theta_max_rad: f64,
+}
+
+impl MapBackground {
+    /// A picture `width` pixels wide, at least 1; its height follows the map.
+    pub fn new(map: &PolarMap, width: usize) -> Self {
+        let shape = map.shape;
+        let view = View::of(shape.theta_max_rad, width.max(1));
+        let tone = ToneCurve::for_pixels(&map.pixels);
+        let (width, height) = view.size();
+        let canvas = Canvas::from_fn(width, height, |x, y| {
+            let Some((theta, phi)) = view.angles(x as f64 + 0.5, y as f64 + 0.5) else {
+                return [24; 3];
+            };
+            let row = ((theta * shape.rows as f64) as usize).min(shape.rows - 1);
+            let column = ((phi / TAU * shape.columns as f64) as usize).min(shape.columns - 1);
+            tone.apply(map.pixels[row * shape.columns + column])
+        });
+        Self { canvas, view, theta_max_rad: shape.theta_max_rad }
+    }
+
+    /// A copy with a ring for every light, its area in proportion to the light's share of the power. Lights beyond the
+    /// map's rim are left out.
+    pub fn draw(&self, lights: &[Light]) -> Canvas {
+        let mut canvas = self.canvas.clone();
+        let full_radius = FULL_RADIUS * canvas.width as f64;
+        let total: f64 = lights.iter().map(|light| f64::from(light.luminance())).sum();
+        for light in lights.iter().filter(|light| light.luminance() > 0.0) {
+            let (theta_rad, phi_rad) = polar(DVec3::from_array(light.direction.map(f64::from)));
+            // Filtered directions may leave the rim by a little.
+            if theta_rad > 1.1 * self.theta_max_rad {
+                continue;
+            }
+            let (x, y) = self.view.position(theta_rad / self.theta_max_rad, phi_rad);
+            let radius = full_radius * (f64::from(light.luminance()) / total).sqrt();
+            canvas.ring(x, y, radius.max(2.0), GREEN);
+        }
+        canvas
     }
 }
 
 /// The tone-mapped map with a ring for every light, its area in proportion to the light's share of the power.
 pub fn draw_map(map: &PolarMap, lights: &[Light]) -> Canvas {
-    let shape = map.shape;
-    let view = View::of(shape.theta_max_rad);
-    let tone = ToneCurve::for_pixels(&map.pixels);
-    let (width, height) = view.size();
-    let mut canvas = Canvas::from_fn(width, height, |x, y| {
-        let Some((theta, phi)) = view.angles(x as f64 + 0.5, y as f64 + 0.5) else {
-            return [24; 3];
-        };
-        let row = ((theta * shape.rows as f64) as usize).min(shape.rows - 1);
-        let column = ((phi / TAU * shape.columns as f64) as usize).min(shape.columns - 1);
-        tone.apply(map.pixels[row * shape.columns + column])
-    });
-    let total: f64 = lights.iter().map(|light| f64::from(light.luminance())).sum();
-    for light in lights.iter().filter(|light| light.luminance() > 0.0) {
-        let (theta_rad, phi_rad) = polar(DVec3::from_array(light.direction.map(f64::from)));
-        let (x, y) = view.position(theta_rad / shape.theta_max_rad, phi_rad);
-        let radius = FULL_RADIUS * (f64::from(light.luminance()) / total).sqrt();
-        canvas.ring(x, y, radius.max(2.0), GREEN);
-    }
-    canvas
+    MapBackground::new(map, SIZE).draw(lights)
 }
 
 #[cfg(test)]
@@ -97,7 +125,7 @@ mod tests {
     #[test]
     fn a_light_is_drawn_where_its_pixel_is() {
         for shape in [PolarShape::hemisphere(36, 9), PolarShape::sphere(36, 18)] {
-            let view = View::of(shape.theta_max_rad);
+            let view = View::of(shape.theta_max_rad, SIZE);
             for (theta, phi) in [(0.3, 1.0), (1.2, 4.0), (1.5, 6.2)] {
                 let (x, y) = view.position(theta / shape.theta_max_rad, phi);
                 let (t, p) = view.angles(x, y).unwrap();
@@ -109,7 +137,7 @@ mod tests {
                     spread_rad: 0.0,
                 };
                 let canvas = draw_map(&PolarMap::black(shape), &[light]);
-                let on_ring = canvas.pixel((x - FULL_RADIUS) as usize, y as usize);
+                let on_ring = canvas.pixel((x - SIZE as f64 * FULL_RADIUS) as usize, y as usize);
                 assert!(on_ring[1] > 200 && on_ring[0] < 100, "{on_ring:?}");
             }
         }

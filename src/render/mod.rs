@@ -28,6 +28,9 @@ mod material;
 mod options;
 #[cfg(test)]
 mod reference_tests;
+pub mod refinement;
+#[cfg(test)]
+mod refinement_tests;
 mod region_pass;
 #[cfg(test)]
 mod region_tests;

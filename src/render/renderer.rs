@@ -1,4 +1,5 @@
 use super::Options;
+use super::budget::Quality;
 use super::energy;
 use super::geometry::Geometry;
 use super::light_space::LightSpace;
@@ -17,13 +18,17 @@ use crate::scene::{Camera, Scene};
 use glam::dcamera::rh;
 use glam::{DMat4, DVec3, Mat4};
 
+mod live;
 #[cfg(test)]
 pub(super) mod read_back;
 
 /// Renders one scene, frame after frame, at one size.
 pub struct Renderer {
     gpu: Gpu,
+    /// As built; what is allocated follows them.
     options: Options,
+    /// What of them the next frame uses.
+    quality: Quality,
     scene: Scene,
     world_from_mesh: Vec<Mat4>,
     geometry: Geometry,
@@ -55,6 +60,17 @@ pub struct LightCounts {
     pub looked_at: u32,
     /// Lights that stand above their horizon, for which they looked into a shadow map.
     pub shaded: u32,
+}
+
+/// What becomes of what the picture holds when a sample is added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Before {
+    /// It is dropped: the sample starts the picture.
+    Drop,
+    /// It stays as it is.
+    Keep,
+    /// It is the mean of all samples before this one.
+    Average,
 }
 
 struct Buffers {
@@ -123,20 +139,12 @@ impl Renderer {
         );
         let size = [options.width_px, options.height_px];
         let tone_pass = TonePass::new(&gpu, &buffers.radiance, size, format);
-        let picture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("picture"),
-            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
+        let picture = picture(&gpu, size, format);
         let timer = Timer::new(&gpu);
         let mut renderer = Self {
             gpu,
             options: *options,
+            quality: Quality { lights: options.lights, shadow_maps: options.shadow_maps },
             scene,
             world_from_mesh: Vec::new(),
             geometry,
@@ -197,10 +205,12 @@ impl Renderer {
     /// Those of the device.
     pub fn draw(&mut self, lights: &[Light], camera: &Camera, samples: u32) -> Result<()> {
         self.timer.restart();
-        let options = self.options;
+        let Quality { lights: most_lights, shadow_maps } = self.quality;
+        let options = Options { lights: most_lights, shadow_maps, ..self.options };
         self.prepare(lights, &options);
         for sample in 0..samples.max(1) {
-            self.sample(camera, sample, samples.max(1), sample == 0, true, &options);
+            let before = if sample == 0 { Before::Drop } else { Before::Keep };
+            self.sample(camera, sample, samples.max(1), before, true, &options);
         }
         self.gpu.check()
     }
@@ -233,7 +243,8 @@ impl Renderer {
             self.prepare(lights, &options);
             for sample in 0..samples.max(1) {
                 let is_first = done == 0;
-                self.sample(camera, sample, samples.max(1), is_first && sample == 0, is_first, &options);
+                let before = if is_first && sample == 0 { Before::Drop } else { Before::Keep };
+                self.sample(camera, sample, samples.max(1), before, is_first, &options);
             }
             done += lights.len();
             // Let the device finish: a queue of thousands of passes would fill its memory.
@@ -250,7 +261,7 @@ impl Renderer {
         buffers.lights.write(gpu, &self.sets.lights);
         buffers.tiles.write(gpu, &self.sets.tiles.directions);
         let (casters, all) = (self.geometry.casters, self.geometry.all);
-        let space = LightSpace::new(&casters, &all, options.shadow_map_px, options.tiles_per_side());
+        let space = LightSpace::new(&casters, &all, options.shadow_map_px, self.options.tiles_per_side());
         buffers.space.write(gpu, &[space]);
         let (high, low) = self.assignments(options);
         self.high.set(gpu, high);
@@ -292,13 +303,14 @@ impl Renderer {
         (high, low)
     }
 
-    /// One picture of the lights prepared last: it starts the sum of the frame or is added to it.
+    /// One picture of the lights prepared last: the weight of `sample` among `samples` is added to what was there
+    /// before.
     fn sample(
         &mut self,
         camera: &Camera,
         sample: u32,
         samples: u32,
-        starts: bool,
+        before: Before,
         has_emission: bool,
         options: &Options,
     ) {
@@ -312,7 +324,11 @@ impl Renderer {
             world_from_clip: clip_from_world.inverse().as_mat4(),
             eye: camera.eye,
             weight: 1.0 / samples as f32,
-            starts: u32::from(starts),
+            keep: match before {
+                Before::Drop => 0.0,
+                Before::Keep => 1.0,
+                Before::Average => (samples - 1) as f32 / samples as f32,
+            },
             pad_0: 0,
             size,
             high_count: high.light_count,
@@ -380,7 +396,9 @@ impl Renderer {
         let mut texels: Vec<[u8; 4]> = Vec::new();
         read_texture(&self.gpu, &self.picture, &mut texels)?;
         rgb8.clear();
-        rgb8.extend(texels.iter().flat_map(|&[r, g, b, _]| [r, g, b]));
+        let is_bgra = self.picture.format() == wgpu::TextureFormat::Bgra8UnormSrgb;
+        let places = if is_bgra { [2, 1, 0] } else { [0, 1, 2] };
+        rgb8.extend(texels.iter().flat_map(|texel| places.map(|place| texel[place])));
         Ok(())
     }
 
@@ -414,6 +432,20 @@ impl Renderer {
     pub fn read_times(&mut self) -> Result<PassTimes> {
         self.timer.read(&self.gpu)
     }
+}
+
+/// The texture of pictures that are read back.
+fn picture(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("picture"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    })
 }
 
 /// Where in the pixel a sample looks, from its middle: points of Halton's sequence, the middle alone for one.

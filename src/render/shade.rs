@@ -20,7 +20,7 @@ pub(super) struct ShadeUniform {
     pub world_from_clip: Mat4,
     pub eye: Vec3,
     pub weight: f32,
-    pub starts: u32,
+    pub keep: f32,
     pub pad_0: u32,
     pub size: [u32; 2],
     pub high_count: u32,
@@ -91,7 +91,7 @@ mod tests {
             &source,
             "Shade",
             size_of::<ShadeUniform>(),
-            members!(ShadeUniform: world_from_clip, eye, weight, starts, size, high_count, high_stride, low_stride,
+            members!(ShadeUniform: world_from_clip, eye, weight, keep, size, high_count, high_stride, low_stride,
                 low_first_word, table_side, low_table_side, cone_cosine, soft_samples, seed, has_emission),
         );
         let light = members!(GpuLight: direction, spread_rad, irradiance, tile);

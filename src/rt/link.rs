@@ -7,7 +7,7 @@
 
 use super::Shutdown;
 use crossbeam_channel as channel;
-use crossbeam_channel::{TrySendError, select};
+use crossbeam_channel::{TryRecvError, TrySendError, select};
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -151,6 +151,22 @@ impl<T: Item> Receiver<T> {
         };
         let Envelope { item, overwritten } = envelope;
         Some(Received { item: Some(item), overwritten, home: Some(&self.empty) })
+    }
+}
+
+impl<T: Item> Receiver<T> {
+    /// The next item if one is there, without a wait.
+    ///
+    /// # Errors
+    /// [`Closed`] when the writer has gone and everything was read.
+    pub fn try_receive(&mut self) -> Result<Option<Received<'_, T>>, Closed> {
+        match self.full.try_recv() {
+            Ok(Envelope { item, overwritten }) => {
+                Ok(Some(Received { item: Some(item), overwritten, home: Some(&self.empty) }))
+            }
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err(Closed),
+        }
     }
 }
 

@@ -1,0 +1,121 @@
+use crate::light::{Light, LightList};
+use crate::rt::Metrics;
+use crate::rt::link::Receiver;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Where the lights come from.
+pub enum Source {
+    /// Lights that stand still.
+    Still(Vec<Light>),
+    /// Lists that arrive through a `latest` link, and what counts those that are shown and those that are skipped.
+    Live(Receiver<LightList>, Arc<Metrics>),
+}
+
+/// The list that is shown.
+pub(super) struct Feed {
+    lists: Option<Receiver<LightList>>,
+    metrics: Option<Arc<Metrics>>,
+    list: LightList,
+    arrived: Option<Instant>,
+}
+
+impl Feed {
+    pub fn new(source: Source) -> Self {
+        let mut list = LightList::default();
+        let (lists, metrics) = match source {
+            Source::Still(lights) => {
+                list.lights = lights;
+                (None, None)
+            }
+            Source::Live(lists, metrics) => (Some(lists), Some(metrics)),
+        };
+        Self { lists, metrics, list, arrived: None }
+    }
+
+    /// Takes the list that waits, if there is one; returns whether there was.
+    pub fn poll(&mut self, now: Instant) -> bool {
+        let (Some(lists), Some(metrics)) = (&mut self.lists, &self.metrics) else { return false };
+        let has_ended = match lists.try_receive() {
+            Ok(Some(received)) => {
+                metrics.frames.add(1);
+                metrics.drops.add(received.overwritten());
+                self.list.copy_from(&received);
+                self.arrived = Some(now);
+                return true;
+            }
+            Ok(None) => false,
+            Err(_) => true,
+        };
+        if has_ended {
+            // The list taken last stays.
+            self.lists = None;
+        }
+        false
+    }
+
+    /// What is shown.
+    pub fn list(&self) -> &LightList {
+        &self.list
+    }
+
+    /// Whether lists come, or came, from somewhere.
+    pub fn is_live(&self) -> bool {
+        self.metrics.is_some()
+    }
+
+    /// Whether there are lights to show: always, or since the first list.
+    pub fn is_ready(&self) -> bool {
+        !self.is_live() || self.arrived.is_some()
+    }
+
+    /// Whether all lists that came have been taken and no other will come.
+    pub fn has_ended(&self) -> bool {
+        self.is_live() && self.lists.is_none()
+    }
+
+    /// Counts the time that the frame of a new list took.
+    pub fn record(&self, time: Duration) {
+        if let Some(metrics) = &self.metrics {
+            metrics.time_ns.record(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));
+        }
+    }
+
+    /// Sequence number of the list that is shown, time since it arrived, lists that were skipped so far.
+    pub fn state(&self, now: Instant) -> Option<(u64, Duration, u64)> {
+        let (arrived, metrics) = (self.arrived?, self.metrics.as_ref()?);
+        Some((self.list.stamp.sequence, now.duration_since(arrived), metrics.drops.get()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rt::{Shutdown, link};
+
+    #[test]
+    fn the_newest_list_is_shown_and_the_skipped_are_counted() {
+        let shutdown = Shutdown::new();
+        let (mut sender, receiver) = link::latest(&shutdown, LightList::default);
+        let metrics = Metrics::new("window");
+        let mut feed = Feed::new(Source::Live(receiver, metrics.clone()));
+        let now = Instant::now();
+        assert!(!feed.poll(now) && !feed.is_ready() && feed.state(now).is_none());
+        for sequence in 0..5 {
+            let mut list = sender.take().unwrap();
+            list.stamp.sequence = sequence;
+            sender.send(list).unwrap();
+        }
+        drop(sender);
+        assert!(feed.poll(now) && feed.is_ready() && !feed.has_ended());
+        assert_eq!(feed.state(now), Some((4, Duration::ZERO, 4)));
+        assert!(!feed.poll(now) && feed.has_ended() && feed.is_ready());
+        assert_eq!((feed.list().stamp.sequence, metrics.frames.get()), (4, 1));
+    }
+
+    #[test]
+    fn lights_that_stand_still_are_there_at_once_and_never_end() {
+        let mut feed = Feed::new(Source::Still(Vec::new()));
+        assert!(!feed.poll(Instant::now()) && feed.is_ready() && !feed.has_ended() && !feed.is_live());
+    }
+}

@@ -1,0 +1,178 @@
+//! A window that shows a scene under lights that stand still or arrive: orbit camera, keys, an inset with the map and its
+//! lights, timings in the title.
+//!
+//! One thread, which must be the main one, has the window and the device. It never waits for lists: it draws the newest
+//! one there is, and the link says how many were skipped. While nothing that is seen changes, every frame adds a sample
+//! to the picture, and in the end nothing is drawn.
+
+mod command;
+mod feed;
+mod inset;
+mod orbit;
+mod screen;
+mod title;
+mod view;
+
+pub use command::KEYS;
+pub use feed::Source;
+
+use crate::error::{Error, Result};
+use crate::gpu::Backend;
+use crate::image::PolarMap;
+use crate::render::budget::BudgetOptions;
+use crate::render::{Options, Renderer};
+use crate::rt::Shutdown;
+use crate::scene::{Camera, Scene};
+use command::Command;
+use std::time::{Duration, Instant};
+use view::View;
+use winit::application::ApplicationHandler;
+use winit::event::{ElementState, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
+use winit::window::WindowId;
+
+/// What is shown, and how.
+pub struct Settings {
+    /// What the title calls it.
+    pub name: String,
+    /// Graphics interface.
+    pub backend: Backend,
+    /// Size of the window in the beginning, and what the renderer reserves.
+    pub options: Options,
+    /// Samples of a pixel while something moves.
+    pub samples: u32,
+    /// Where lights and shadow maps follow the frame time; `None`: they are what `options` say.
+    pub budget: Option<BudgetOptions>,
+    /// Time of the scene's animation in the beginning. It goes on with real time under lights that stand still, with the
+    /// capture times of lists that arrive.
+    pub time_s: f64,
+    /// What the inset shows the lights on.
+    pub map: PolarMap,
+}
+
+/// The first camera, from a renderer that knows the scene.
+pub type FirstCamera<'a> = Box<dyn FnOnce(&Renderer) -> Result<Camera> + 'a>;
+
+/// A connection to the display. A process can have one.
+pub struct Display(EventLoop<()>);
+
+/// Time between two looks for a list or a request to end while nothing is drawn.
+const WATCH: Duration = Duration::from_millis(10);
+
+impl Display {
+    /// Connects to the display that the environment names.
+    ///
+    /// # Errors
+    /// Kind `Usage` where there is none.
+    pub fn open() -> Result<Self> {
+        let none = "there is no display to open a window on; give --output to draw into files";
+        // Looked at first: winit would say no more.
+        let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+        if cfg!(target_os = "linux") && !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY") {
+            return Err(Error::usage(format!("{none} (DISPLAY is not set)")));
+        }
+        EventLoop::new().map(Self).map_err(|error| Error::usage(none).because(error))
+    }
+
+    /// Shows a window until it is closed or `shutdown` is requested.
+    ///
+    /// # Errors
+    /// Those of the device, of the renderer for the scene, and of `camera`; when the display is lost.
+    pub fn show(
+        self,
+        settings: Settings,
+        scene: Scene,
+        source: Source,
+        camera: FirstCamera,
+        shutdown: &Shutdown,
+    ) -> Result<()> {
+        let start = Start { settings, scene, source, camera };
+        let mut app = App { start: Some(start), view: None, outcome: Ok(()), shutdown };
+        let ran = self.0.run_app(&mut app);
+        app.outcome?;
+        ran.map_err(|error| Error::failed("the display was lost").because(error))
+    }
+}
+
+struct Start<'a> {
+    settings: Settings,
+    scene: Scene,
+    source: Source,
+    camera: FirstCamera<'a>,
+}
+
+/// What the display calls.
+struct App<'a> {
+    /// Until there is a view.
+    start: Option<Start<'a>>,
+    view: Option<View>,
+    outcome: Result<()>,
+    shutdown: &'a Shutdown,
+}
+
+impl App<'_> {
+    fn end_on_error(&mut self, event_loop: &ActiveEventLoop, outcome: Result<()>) {
+        if outcome.is_err() {
+            if self.outcome.is_ok() {
+                self.outcome = outcome;
+            }
+            event_loop.exit();
+        }
+    }
+}
+
+impl ApplicationHandler for App<'_> {
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        if let Some(start) = self.start.take() {
+            match View::open(event_loop, start.settings, start.scene, start.source, start.camera) {
+                Ok(view) => self.view = Some(view),
+                Err(error) => self.end_on_error(event_loop, Err(error)),
+            }
+        }
+    }
+
+    fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some(view) = &mut self.view else { return };
+        let outcome = match event {
+            WindowEvent::CloseRequested => {
+                event_loop.exit();
+                Ok(())
+            }
+            WindowEvent::Resized(size) => view.resize([size.width, size.height]),
+            WindowEvent::RedrawRequested => view.draw(Instant::now()),
+            WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
+                match Command::of(&event.logical_key) {
+                    Some(Command::Close) => {
+                        event_loop.exit();
+                        Ok(())
+                    }
+                    // A key that is held would freeze and go on many times a second.
+                    Some(command) if !event.repeat => view.obey(command),
+                    _ => Ok(()),
+                }
+            }
+            event => {
+                view.point(&event);
+                Ok(())
+            }
+        };
+        self.end_on_error(event_loop, outcome);
+    }
+
+    fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
+        if self.shutdown.is_requested() {
+            event_loop.exit();
+            return;
+        }
+        let now = Instant::now();
+        if let Some(view) = &mut self.view {
+            view.watch(now);
+        }
+        event_loop.set_control_flow(ControlFlow::WaitUntil(now + WATCH));
+    }
+
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        // The surface must go before the display does.
+        self.view = None;
+    }
+}

@@ -1,0 +1,81 @@
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use std::sync::Arc;
+use winit::window::Window;
+
+/// The window as something to draw on.
+pub(super) struct Screen {
+    instance: wgpu::Instance,
+    window: Arc<Window>,
+    surface: wgpu::Surface<'static>,
+    format: wgpu::TextureFormat,
+}
+
+impl Screen {
+    /// A screen and the device that draws on it; configure it before use.
+    ///
+    /// # Errors
+    /// Those of the device; when the window takes no pictures from it.
+    pub fn new(instance: wgpu::Instance, window: Arc<Window>) -> Result<(Self, Gpu)> {
+        let surface = surface(&instance, &window)?;
+        let gpu = Gpu::open(&instance, Some(&surface))?;
+        let format = gpu.surface_format(&surface)?;
+        Ok((Self { instance, window, surface, format }, gpu))
+    }
+
+    /// What pictures for it are coded as.
+    pub fn format(&self) -> wgpu::TextureFormat {
+        self.format
+    }
+
+    /// Follows the size of the window, which must not be 0.
+    pub fn configure(&self, gpu: &Gpu, [width, height]: [u32; 2]) {
+        self.surface.configure(
+            &gpu.device,
+            &wgpu::SurfaceConfiguration {
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                format: self.format,
+                color_space: wgpu::SurfaceColorSpace::default(),
+                width,
+                height,
+                present_mode: wgpu::PresentMode::Fifo,
+                alpha_mode: wgpu::CompositeAlphaMode::Auto,
+                view_formats: Vec::new(),
+                desired_maximum_frame_latency: 2,
+            },
+        );
+    }
+
+    /// The next picture to draw on; `None` where this frame is to be left out: the window is covered, or has just
+    /// changed and the screen with it.
+    ///
+    /// # Errors
+    /// When the device was lost, or the window takes no pictures any more.
+    pub fn next(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<Option<wgpu::SurfaceTexture>> {
+        use wgpu::CurrentSurfaceTexture as Current;
+        match self.surface.get_current_texture() {
+            Current::Success(texture) => return Ok(Some(texture)),
+            Current::Suboptimal(texture) => {
+                // It must have gone before the screen can change.
+                drop(texture);
+                self.configure(gpu, size);
+            }
+            Current::Timeout | Current::Occluded => {}
+            Current::Outdated => self.configure(gpu, size),
+            Current::Lost => {
+                gpu.check()?;
+                self.surface = surface(&self.instance, &self.window)?;
+                self.configure(gpu, size);
+            }
+            Current::Validation => {}
+        }
+        gpu.check()?;
+        Ok(None)
+    }
+}
+
+fn surface(instance: &wgpu::Instance, window: &Arc<Window>) -> Result<wgpu::Surface<'static>> {
+    instance
+        .create_surface(window.clone())
+        .map_err(|error| Error::failed("the window cannot be drawn on").because(error))
+}

@@ -1,0 +1,353 @@
+use super::command::{Command, KEYS};
+use super::feed::{Feed, Source};
+use super::inset::Inset;
+use super::orbit::Orbit;
+use super::screen::Screen;
+use super::title::{FrameTimes, Timings, Title};
+use super::{FirstCamera, Settings};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::render::Renderer;
+use crate::render::budget::{Budget, Quality};
+use crate::render::refinement::{Refinement, Work};
+use crate::scene::{Camera, Scene};
+use crate::stage::PictureWriter;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::dpi::PhysicalSize;
+use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
+use winit::event_loop::ActiveEventLoop;
+use winit::window::Window;
+
+/// Samples of a pixel in a picture that stands still.
+const MOST_SAMPLES: u32 = 64;
+/// Time after a change for which the exposure may still move: five of its time constants.
+const SETTLING: Duration = Duration::from_secs(2);
+/// Time between two titles, so that they can be read.
+const TITLE_EVERY: Duration = Duration::from_millis(250);
+/// Time until the next try where the window could not be drawn on.
+const REST: Duration = Duration::from_millis(50);
+/// Pixels that a touch pad moves for one notch of a wheel.
+const PX_PER_NOTCH: f64 = 40.0;
+
+/// The open window and all that is shown in it.
+pub(super) struct View {
+    // Declared first: the surface goes before the device and the window.
+    screen: Screen,
+    renderer: Renderer,
+    window: Arc<Window>,
+    size: [u32; 2],
+    feed: Feed,
+    inset: Inset,
+    first_camera: Camera,
+    orbit: Orbit,
+    name: String,
+    samples: u32,
+    budget: Option<Budget>,
+    refinement: Refinement,
+    frame_times: FrameTimes,
+    writer: PictureWriter,
+    held: Option<MouseButton>,
+    pointer: [f64; 2],
+    /// Of the scene's animation.
+    time_s: f64,
+    is_frozen: bool,
+    shows_inset: bool,
+    shows_timings: bool,
+    has_new_list: bool,
+    has_moved: bool,
+    /// Whether what the screen shows is out of date although the picture is not.
+    is_stale: bool,
+    opened: Instant,
+    has_drawn: bool,
+    changed: Instant,
+    last_frame: Instant,
+    last_title: Option<Instant>,
+    rests_until: Instant,
+}
+
+impl View {
+    pub fn open(
+        event_loop: &ActiveEventLoop,
+        settings: Settings,
+        scene: Scene,
+        source: Source,
+        camera: FirstCamera,
+    ) -> Result<Self> {
+        let opened = Instant::now();
+        let Settings { name, backend, options, samples, budget, time_s, map } = settings;
+        let budget = budget.map(Budget::new).transpose()?;
+        let attributes = Window::default_attributes()
+            .with_title(Title { name: &name, ..Title::default() }.text())
+            .with_inner_size(PhysicalSize::new(options.width_px, options.height_px));
+        let window = event_loop
+            .create_window(attributes)
+            .map_err(|error| Error::failed("the window cannot be opened").because(error))?;
+        let window = Arc::new(window);
+        let (screen, gpu) = Screen::new(Gpu::instance(backend), window.clone())?;
+        tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
+        let mut renderer = Renderer::for_screen(gpu, scene, &options, screen.format())?;
+        renderer.pose(time_s);
+        let first_camera = camera(&renderer)?;
+        let inset = Inset::new(renderer.gpu(), map, options.lights, screen.format());
+        let mut view = Self {
+            screen,
+            renderer,
+            window,
+            size: [0; 2],
+            feed: Feed::new(source),
+            inset,
+            first_camera,
+            orbit: Orbit::new(&first_camera),
+            name,
+            samples: samples.max(1),
+            budget,
+            refinement: Refinement::new(samples, MOST_SAMPLES),
+            frame_times: FrameTimes::default(),
+            writer: PictureWriter::default(),
+            held: None,
+            pointer: [0.0; 2],
+            time_s,
+            is_frozen: false,
+            shows_inset: true,
+            shows_timings: true,
+            has_new_list: false,
+            has_moved: true,
+            is_stale: false,
+            opened,
+            has_drawn: false,
+            changed: opened,
+            last_frame: opened,
+            last_title: None,
+            rests_until: opened,
+        };
+        let size = view.window.inner_size();
+        view.resize([size.width, size.height])?;
+        tracing::info!("window: {} x {} pixels; h prints the keys", size.width, size.height);
+        Ok(view)
+    }
+
+    /// Follows the size of the window. Nothing is drawn on one without pixels.
+    pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
+        let had = std::mem::replace(&mut self.size, size);
+        if size == had || size.contains(&0) {
+            return Ok(());
+        }
+        if self.renderer.size() != size.map(|side| side as usize) {
+            self.renderer.resize(size[0], size[1])?;
+        }
+        self.screen.configure(self.renderer.gpu(), size);
+        self.inset.resize(size);
+        self.inset.update(self.renderer.gpu(), &self.feed.list().lights);
+        self.has_moved = true;
+        self.renderer.gpu().check()
+    }
+
+    /// Does what a key asks for, but for closing.
+    pub fn obey(&mut self, command: Command) -> Result<()> {
+        match command {
+            Command::Freeze => self.is_frozen = !self.is_frozen,
+            Command::Inset => self.shows_inset = !self.shows_inset,
+            Command::Timings => {
+                self.shows_timings = !self.shows_timings;
+                self.log_times()?;
+            }
+            Command::Reset => {
+                self.orbit = Orbit::new(&self.first_camera);
+                self.has_moved = true;
+            }
+            Command::Save => self.save()?,
+            // Where messages go, and as they are: a log would put its marks before every line.
+            Command::Help => eprint!("{KEYS}"),
+            Command::Close => {}
+        }
+        self.is_stale = true;
+        self.last_title = None;
+        Ok(())
+    }
+
+    /// Follows the pointer: drags and the wheel.
+    pub fn point(&mut self, event: &WindowEvent) {
+        match *event {
+            WindowEvent::MouseInput { state, button, .. } => {
+                self.held = (state == ElementState::Pressed).then_some(button);
+            }
+            WindowEvent::CursorMoved { position, .. } => {
+                let last = std::mem::replace(&mut self.pointer, [position.x, position.y]);
+                let by = [position.x - last[0], position.y - last[1]];
+                match self.held {
+                    Some(MouseButton::Left) => self.orbit.turn(by, self.size[1]),
+                    Some(MouseButton::Right) => self.orbit.pan(by, self.size[1]),
+                    _ => return,
+                }
+                self.has_moved = true;
+            }
+            WindowEvent::MouseWheel { delta, .. } => {
+                self.orbit.zoom(match delta {
+                    MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
+                    MouseScrollDelta::PixelDelta(position) => position.y / PX_PER_NOTCH,
+                });
+                self.has_moved = true;
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes a list that waits, and asks for a frame if there is something to draw.
+    pub fn watch(&mut self, now: Instant) {
+        // One that is taken is drawn; the next waits in the link, where a newer one may overwrite it.
+        if !self.is_frozen && !self.has_new_list {
+            self.has_new_list = self.feed.poll(now);
+        }
+        if self.last_title.is_none_or(|last| now.duration_since(last) >= TITLE_EVERY) {
+            self.last_title = Some(now);
+            self.window.set_title(&self.title(now).text());
+        }
+        let has_work = self.is_stale
+            || self.has_changed()
+            || !self.refinement.is_done()
+            || now.duration_since(self.changed) < SETTLING;
+        if has_work && self.can_draw() && now >= self.rests_until {
+            self.window.request_redraw();
+        }
+    }
+
+    fn can_draw(&self) -> bool {
+        self.feed.is_ready() && !self.size.contains(&0)
+    }
+
+    fn has_changed(&self) -> bool {
+        self.has_new_list || self.has_moved || self.plays()
+    }
+
+    /// Whether the scene moves by itself; under lists that arrive it moves with them.
+    fn plays(&self) -> bool {
+        self.renderer.scene().is_animated() && !self.feed.is_live() && !self.is_frozen
+    }
+
+    /// A frame.
+    pub fn draw(&mut self, now: Instant) -> Result<()> {
+        if !self.can_draw() {
+            return Ok(());
+        }
+        let Some(texture) = self.screen.next(self.renderer.gpu(), self.size)? else {
+            self.rests_until = now + REST;
+            self.is_stale = true;
+            return Ok(());
+        };
+        // Waiting for the screen is no work.
+        let start = Instant::now();
+        let elapsed = start.duration_since(self.last_frame);
+        self.last_frame = start;
+        self.move_scene(elapsed);
+        let has_changed = self.has_changed();
+        if has_changed {
+            self.changed = start;
+        }
+        if self.has_new_list || !self.has_drawn {
+            self.inset.update(self.renderer.gpu(), &self.feed.list().lights);
+        }
+        let work = self.refinement.step(has_changed);
+        let camera = self.orbit.camera();
+        match work {
+            Work::Draw => {
+                if let Some(budget) = &self.budget {
+                    self.renderer.set_quality(budget.quality());
+                }
+                self.renderer.draw(&self.feed.list().lights, &camera, self.samples)?;
+            }
+            Work::Refine { drawn } => self.renderer.refine(&camera, drawn)?,
+            Work::Nothing => {}
+        }
+        let target = texture.texture.create_view(&wgpu::TextureViewDescriptor::default());
+        self.renderer.present(&target, if self.has_drawn { elapsed.as_secs_f64() } else { 0.0 })?;
+        let gpu = self.renderer.gpu();
+        if self.shows_inset {
+            self.inset.draw(gpu, &target, self.size);
+        }
+        gpu.wait()?;
+        let time = start.elapsed();
+        if work == Work::Draw && self.has_drawn {
+            self.frame_times.add(time);
+            if let Some(budget) = &mut self.budget {
+                budget.step(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));
+            }
+        }
+        gpu.queue.present(texture);
+        if self.has_new_list {
+            self.feed.record(time);
+        }
+        (self.has_new_list, self.has_moved, self.is_stale) = (false, false, false);
+        if !self.has_drawn {
+            self.has_drawn = true;
+            let passed_s = self.opened.elapsed().as_secs_f64();
+            tracing::info!("window: first frame after {passed_s:.2} s");
+        }
+        Ok(())
+    }
+
+    fn move_scene(&mut self, elapsed: Duration) {
+        if self.plays() {
+            self.time_s += elapsed.as_secs_f64();
+            self.renderer.pose(self.time_s);
+        } else if self.has_new_list && self.renderer.scene().is_animated() {
+            self.renderer.pose(self.time_s + self.feed.list().stamp.capture_time_ns as f64 * 1e-9);
+        }
+    }
+
+    /// What the title says now.
+    fn title(&self, now: Instant) -> Title<'_> {
+        let options = self.renderer.options();
+        let reserved = Quality { lights: options.lights, shadow_maps: options.shadow_maps };
+        let quality = self.budget.as_ref().map_or(reserved, Budget::quality);
+        let timings = Timings {
+            frame_ns: self.frame_times.median_ns(),
+            lights: quality.lights.min(self.feed.list().lights.len()),
+            shadow_maps: quality.shadow_maps.min(self.feed.list().lights.len()),
+            samples: self.refinement.drawn(),
+            list: self.feed.state(now),
+        };
+        Title {
+            name: &self.name,
+            timings: self.shows_timings.then_some(timings),
+            is_frozen: self.is_frozen,
+            has_ended: self.feed.has_ended(),
+        }
+    }
+
+    fn log_times(&mut self) -> Result<()> {
+        let times: Vec<String> = self
+            .renderer
+            .read_times()?
+            .into_iter()
+            .map(|(name, time_ns)| format!("{name} {:.3} ms", time_ns as f64 * 1e-6))
+            .collect();
+        if times.is_empty() {
+            tracing::info!("window: no times of passes, nothing was drawn or the adapter does not measure");
+        } else {
+            tracing::info!("window: last frame: {}", times.join(", "));
+        }
+        Ok(())
+    }
+
+    /// Without the inset. A folder that cannot be written to is no reason to close the window.
+    fn save(&mut self) -> Result<()> {
+        if !self.has_drawn {
+            return Ok(());
+        }
+        let numbered = |number: u32| PathBuf::from(format!("picture_{number}.png"));
+        let Some(path) = (1..=u32::MAX).map(numbered).find(|path| !path.exists()) else { return Ok(()) };
+        match self.writer.write(&mut self.renderer, 0.0, &path, false) {
+            Ok(()) => {
+                let shown = std::path::absolute(&path).unwrap_or(path);
+                tracing::info!("window: saved {}", shown.display());
+            }
+            Err(error) => {
+                self.renderer.gpu().check()?;
+                tracing::warn!("{error}");
+            }
+        }
+        Ok(())
+    }
+}
