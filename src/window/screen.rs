@@ -9,6 +9,8 @@ pub(super) struct Screen {
     window: Arc<Window>,
     surface: wgpu::Surface<'static>,
     format: wgpu::TextureFormat,
+    /// Whether what was drawn last still fitted, but not well.
+    is_suboptimal: bool,
 }
 
 impl Screen {
@@ -20,7 +22,7 @@ impl Screen {
         let surface = surface(&instance, &window)?;
         let gpu = Gpu::open(&instance, Some(&surface))?;
         let format = gpu.surface_format(&surface)?;
-        Ok((Self { instance, window, surface, format }, gpu))
+        Ok((Self { instance, window, surface, format, is_suboptimal: false }, gpu))
     }
 
     /// What pictures for it are coded as.
@@ -53,12 +55,15 @@ impl Screen {
     /// When the device was lost, or the window takes no pictures any more.
     pub fn next(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<Option<wgpu::SurfaceTexture>> {
         use wgpu::CurrentSurfaceTexture as Current;
+        if std::mem::take(&mut self.is_suboptimal) {
+            self.configure(gpu, size);
+        }
         match self.surface.get_current_texture() {
             Current::Success(texture) => return Ok(Some(texture)),
             Current::Suboptimal(texture) => {
-                // It must have gone before the screen can change.
-                drop(texture);
-                self.configure(gpu, size);
+                // Some displays say so for ever; they are drawn on all the same.
+                self.is_suboptimal = true;
+                return Ok(Some(texture));
             }
             Current::Timeout | Current::Occluded => {}
             Current::Outdated => self.configure(gpu, size),

@@ -7,6 +7,7 @@ use super::title::{FrameTimes, Timings, Title};
 use super::{FirstCamera, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
+use crate::light::{Light, prefix};
 use crate::render::Renderer;
 use crate::render::budget::{Budget, Quality};
 use crate::render::refinement::{Refinement, Work};
@@ -24,6 +25,8 @@ use winit::window::Window;
 const MOST_SAMPLES: u32 = 64;
 /// Time after a change for which the exposure may still move: five of its time constants.
 const SETTLING: Duration = Duration::from_secs(2);
+/// Time without a change after which a picture counts as standing still: longer than between two lists.
+const STILL: Duration = Duration::from_millis(500);
 /// Time between two titles, so that they can be read.
 const TITLE_EVERY: Duration = Duration::from_millis(250);
 /// Time until the next try where the window could not be drawn on.
@@ -45,6 +48,11 @@ pub(super) struct View {
     name: String,
     samples: u32,
     budget: Option<Budget>,
+    /// Of the picture drawn last, and whether that is less than what was reserved.
+    quality: Quality,
+    is_reduced: bool,
+    /// What of the list the budget leaves.
+    shortened: Vec<Light>,
     refinement: Refinement,
     frame_times: FrameTimes,
     writer: PictureWriter,
@@ -90,6 +98,7 @@ impl View {
         let mut renderer = Renderer::for_screen(gpu, scene, &options, screen.format())?;
         renderer.pose(time_s);
         let first_camera = camera(&renderer)?;
+        let quality = reserved(&renderer);
         let inset = Inset::new(renderer.gpu(), map, options.lights, screen.format());
         let mut view = Self {
             screen,
@@ -103,6 +112,9 @@ impl View {
             name,
             samples: samples.max(1),
             budget,
+            quality,
+            is_reduced: false,
+            shortened: Vec::new(),
             refinement: Refinement::new(samples, MOST_SAMPLES),
             frame_times: FrameTimes::default(),
             writer: PictureWriter::default(),
@@ -248,14 +260,24 @@ impl View {
         if self.has_new_list || !self.has_drawn {
             self.inset.update(self.renderer.gpu(), &self.feed.list().lights);
         }
-        let work = self.refinement.step(has_changed);
+        // What the budget has taken from a picture that moved comes back when it stands still.
+        let improves = self.is_reduced && !has_changed && start.duration_since(self.changed) >= STILL;
+        let work = self.refinement.step(has_changed || improves);
         let camera = self.orbit.camera();
         match work {
             Work::Draw => {
-                if let Some(budget) = &self.budget {
-                    self.renderer.set_quality(budget.quality());
+                let mut lights = &self.feed.list().lights;
+                let most = reserved(&self.renderer);
+                self.quality =
+                    self.budget.as_ref().filter(|_| !improves).map_or(most, |budget| budget.quality());
+                self.is_reduced = self.quality != most;
+                self.renderer.set_quality(self.quality);
+                if self.is_reduced {
+                    let length = prefix_length(lights.len(), self.quality.lights, most.lights);
+                    prefix(lights, length, &mut self.shortened);
+                    lights = &self.shortened;
                 }
-                self.renderer.draw(&self.feed.list().lights, &camera, self.samples)?;
+                self.renderer.draw(lights, &camera, self.samples)?;
             }
             Work::Refine { drawn } => self.renderer.refine(&camera, drawn)?,
             Work::Nothing => {}
@@ -266,9 +288,10 @@ impl View {
         if self.shows_inset {
             self.inset.draw(gpu, &target, self.size);
         }
+        // So the time is that of the work, and no frames queue up between a hand that drags and what it sees.
         gpu.wait()?;
         let time = start.elapsed();
-        if work == Work::Draw && self.has_drawn {
+        if work == Work::Draw && !improves && self.has_drawn {
             self.frame_times.add(time);
             if let Some(budget) = &mut self.budget {
                 budget.step(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));
@@ -298,9 +321,7 @@ impl View {
 
     /// What the title says now.
     fn title(&self, now: Instant) -> Title<'_> {
-        let options = self.renderer.options();
-        let reserved = Quality { lights: options.lights, shadow_maps: options.shadow_maps };
-        let quality = self.budget.as_ref().map_or(reserved, Budget::quality);
+        let quality = self.quality;
         let timings = Timings {
             frame_ns: self.frame_times.median_ns(),
             lights: quality.lights.min(self.feed.list().lights.len()),
@@ -349,5 +370,30 @@ impl View {
             }
         }
         Ok(())
+    }
+}
+
+/// The most that `renderer` can be asked for.
+fn reserved(renderer: &Renderer) -> Quality {
+    let options = renderer.options();
+    Quality { lights: options.lights, shadow_maps: options.shadow_maps }
+}
+
+/// Length of the prefix of a list of `length` lights of which `lights` of at most `most` may light everything: set L
+/// gets shorter in the same proportion.
+fn prefix_length(length: usize, lights: usize, most: usize) -> usize {
+    (length * lights).div_ceil(most.max(1)).max(lights).min(length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_sets_get_shorter_together() {
+        assert_eq!(prefix_length(1152, 72, 72), 1152);
+        assert_eq!(prefix_length(1152, 16, 72), 256);
+        assert_eq!(prefix_length(64, 16, 72), 16, "a list without a set L");
+        assert_eq!((prefix_length(10, 16, 72), prefix_length(0, 16, 72)), (10, 0));
     }
 }
