@@ -345,7 +345,9 @@ impl View {
             .map(|(name, time_ns)| format!("{name} {:.3} ms", time_ns as f64 * 1e-6))
             .collect();
         if times.is_empty() {
-            tracing::info!("window: no times of passes, nothing was drawn or the adapter does not measure");
+            tracing::info!(
+                "window: no times of passes: none since they were last read, or the adapter does not measure"
+            );
         } else {
             tracing::info!("window: last frame: {}", times.join(", "));
         }
