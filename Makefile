@@ -2,11 +2,12 @@
 # make test   formatting, lints, documentation, all tests
 # make bench  speed of every step, as a table with the published figures beside it
 # make tables error of the lights on the real maps, as tables (needs the maps; see LIGHTCAST_DATA in README.md)
+# make path-tracer compares the renderer with mitsuba (needs the maps and meshes, and Python with venv)
 
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test bench tables system-packages
+.PHONY: demo test bench tables path-tracer system-packages
 
 system-packages:
 	@.ci/system-packages
@@ -32,3 +33,15 @@ bench: system-packages
 tables: system-packages
 	cargo run $(CARGO_FLAGS) --release -- report $(DATA)/env/*_1k.hdr \
 	    --garden $(DATA)/env/chinese_garden_1k.hdr --hall $(DATA)/env/dancing_hall_1k.hdr
+
+PATH_TRACER = target/path_tracer
+
+path-tracer: system-packages
+	cargo build $(CARGO_FLAGS) --release
+	python3 -m venv $(PATH_TRACER)/venv
+	$(PATH_TRACER)/venv/bin/pip install --quiet numpy mitsuba==3.9.1
+	@for map in studio_small_03 noon_grass; do \
+	    echo "$$map"; \
+	    $(PATH_TRACER)/venv/bin/python tests/path_tracer/compare.py --map $(DATA)/env/$${map}_1k.hdr \
+	        --mesh $(DATA)/mesh/spot.obj --output $(PATH_TRACER)/$$map || exit 1; \
+	done
