@@ -1,12 +1,18 @@
-# make demo   replays the bundled sequence; light lists, pictures and rendered frames in demo/
-# make test   formatting, lints, documentation, all tests
-# make bench  speed of every step, as a table with the published figures beside it
-# make tables error of the lights on the real maps, as tables (needs the maps; see LIGHTCAST_DATA in README.md)
+# make demo      replays the bundled sequence; light lists, pictures and rendered frames in demo/
+# make test      formatting, lints, documentation, all tests
+# make bench     speed of every step, as a table with the published figures beside it
+# make tables    error of the lights on the real maps, as tables
+# make pictures  error of rendered pictures against the number of lights, as tables and as the plot in replay/pictures
+# make speed     speed of the renderer on whatever adapter there is, as tables
+# make path-tracer  compares the renderer with mitsuba (needs Python with venv)
+#
+# tables, pictures and path-tracer need the maps and meshes (see LIGHTCAST_DATA in README.md), speed takes the maps where
+# they are. pictures, speed and path-tracer take minutes without a GPU.
 
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test bench tables system-packages
+.PHONY: demo test bench tables pictures speed path-tracer system-packages
 
 system-packages:
 	@.ci/system-packages
@@ -32,3 +38,24 @@ bench: system-packages
 tables: system-packages
 	cargo run $(CARGO_FLAGS) --release -- report $(DATA)/env/*_1k.hdr \
 	    --garden $(DATA)/env/chinese_garden_1k.hdr --hall $(DATA)/env/dancing_hall_1k.hdr
+
+PATH_TRACER = target/path_tracer
+
+path-tracer: system-packages
+	cargo build $(CARGO_FLAGS) --release
+	python3 -m venv $(PATH_TRACER)/venv
+	$(PATH_TRACER)/venv/bin/pip install --quiet numpy mitsuba==3.9.1
+	@for map in studio_small_03 noon_grass; do \
+	    echo "$$map"; \
+	    $(PATH_TRACER)/venv/bin/python tests/path_tracer/compare.py --map $(DATA)/env/$${map}_1k.hdr \
+	        --mesh $(DATA)/mesh/spot.obj --output $(PATH_TRACER)/$$map || exit 1; \
+	done
+
+pictures: system-packages
+	cargo run $(CARGO_FLAGS) --release -- report-pictures $(DATA)/env/studio_small_03_1k.hdr \
+	    $(DATA)/env/noon_grass_1k.hdr $(DATA)/env/dancing_hall_1k.hdr $(DATA)/env/potsdamer_platz_1k.hdr \
+	    --scene $(DATA)/mesh/bunny.glb --scene $(DATA)/mesh/spot.obj --plot replay/pictures/error.svg
+
+speed: system-packages
+	cargo run $(CARGO_FLAGS) --release -- report-speed \
+	    $(wildcard $(DATA)/env/studio_small_03_1k.hdr $(DATA)/env/noon_grass_1k.hdr)

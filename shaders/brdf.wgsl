@@ -29,6 +29,12 @@ fn smith_visibility(n_l: f32, n_v: f32, alpha: f32) -> f32 {
     return 0.5 / max(l + v, 1e-6);
 }
 
+// Zero for a light exactly behind the surface that the eye looks at.
+fn half_vector(view: vec3f, l: vec3f) -> vec3f {
+    let sum = view + l;
+    return sum * inverseSqrt(max(dot(sum, sum), 1e-30));
+}
+
 // Radiance towards `view` per irradiance of a light from `l`: specular part. `spread_rad` is the RMS angle of what the
 // light stands for: its lobe is as much wider as the light is not a point.
 fn specular_reflectance(s: Surface, view: vec3f, l: vec3f, spread_rad: f32, energy: f32) -> vec3f {
@@ -37,10 +43,14 @@ fn specular_reflectance(s: Surface, view: vec3f, l: vec3f, spread_rad: f32, ener
         // Willems 1994). Its RMS angle is about sqrt(2 / (exponent + 1)); variances add.
         let width = 2.0 / (1.0 - s.gloss) + spread_rad * spread_rad;
         let exponent = max(2.0 / width - 1.0, 0.0);
-        let cosine = max(dot(reflect(-view, s.normal), l), 0.0);
+        let cosine = dot(reflect(-view, s.normal), l);
+        // pow(0, 0) is undefined.
+        if cosine <= 0.0 {
+            return vec3f(0.0);
+        }
         return s.specular * ((exponent + 2.0) / (2.0 * PI) * pow(cosine, exponent));
     }
-    let h = normalize(view + l);
+    let h = half_vector(view, l);
     let n_h = clamp(dot(s.normal, h), 0.0, 1.0);
     let n_l = dot(s.normal, l);
     let n_v = max(dot(s.normal, view), 1e-3);
@@ -58,7 +68,7 @@ fn specular_reflectance(s: Surface, view: vec3f, l: vec3f, spread_rad: f32, ener
 fn diffuse_reflectance(s: Surface, view: vec3f, l: vec3f) -> vec3f {
     var share = vec3f(1.0);
     if s.gloss >= 0.0 {
-        let v_h = clamp(dot(view, normalize(view + l)), 0.0, 1.0);
+        let v_h = clamp(dot(view, half_vector(view, l)), 0.0, 1.0);
         share = 1.0 - (s.specular + (1.0 - s.specular) * pow(1.0 - v_h, 5.0));
     }
     return s.diffuse * share / PI;

@@ -2,14 +2,12 @@
 // rebuild a light's projection from its direction alone (Havran et al. 2005, section 5.2.1): the extents below are
 // all that they share. CPU twin: src/render/light_space.rs.
 
-// Axis-aligned boxes about what casts and what receives shadows, and the atlas of square tiles.
+// Axis-aligned box about what casts shadows, and the atlas of square tiles.
 struct LightSpace {
     caster_centre: vec3f,
     tile_px: f32,
     caster_half: vec3f,
     tiles_per_side: u32,
-    receiver_centre: vec3f,
-    receiver_half: vec3f,
 }
 
 // What a shadow map shows: a rectangle across the light, and a range of heights along it.
@@ -30,22 +28,19 @@ fn light_basis(d: vec3f) -> mat3x3f {
     return mat3x3f(vec3f(1.0 + s * d.x * d.x * a, -s * d.x, s * b), vec3f(b, -d.z, s + d.z * d.z * a), d);
 }
 
-// The tightest window about what both boxes cover: shadows fall only where a caster and a receiver overlap. A border
-// of two texels keeps neighbouring tiles out of the filters.
+// The tightest window about the box: outside of it nothing casts. A border of two texels keeps neighbouring tiles out
+// of the filters.
 fn light_window(basis: mat3x3f, space: LightSpace) -> Window {
     let caster = transpose(basis) * space.caster_centre;
-    let receiver = transpose(basis) * space.receiver_centre;
     let extent = transpose(mat3x3f(abs(basis[0]), abs(basis[1]), abs(basis[2])));
-    let caster_half = extent * space.caster_half;
-    let receiver_half = extent * space.receiver_half;
-    let low = max(caster.xy - caster_half.xy, receiver.xy - receiver_half.xy);
-    let high = min(caster.xy + caster_half.xy, receiver.xy + receiver_half.xy);
+    let half = extent * space.caster_half;
     let border = space.tile_px / (space.tile_px - 4.0);
     var window: Window;
-    window.centre = 0.5 * (low + high);
-    window.half = max(0.5 * (high - low) * border, vec2f(1e-6));
-    window.top = caster.z + caster_half.z;
-    // A little more than that, since depth 1 means that there is nothing.
-    window.range = max(2.001 * caster_half.z, 1e-6);
+    window.centre = caster.xy;
+    window.half = max(half.xy * border, vec2f(1e-6));
+    // What lies in the plane of the box's top must not be clipped by rounding, and depth 1 means that there is nothing.
+    let margin = 1e-3 * half.z + 1e-6 * (abs(caster.z) + half.x + half.y);
+    window.top = caster.z + half.z + margin;
+    window.range = max(2.0 * (half.z + margin), 1e-6);
     return window;
 }

@@ -79,6 +79,6 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
     if lane == 0u {
         let all = sums[0];
         lists[start] = min(held, assignment.capacity);
-        lists[start + 1u] = bitcast<u32>(select(1.0, min(all.x / all.y, 3.4e38), all.y > 0.0));
+        lists[start + 1u] = bitcast<u32>(select(1.0, min(all.x / all.y, 3.4e38), held > assignment.capacity && all.y > 0.0));
     }
 }

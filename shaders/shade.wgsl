@@ -2,7 +2,8 @@
 // (Havran et al. 2005, sections 4.1, 4.2 and 5.2). CPU twin: src/render/shade_twin.rs.
 
 struct Shade {
-    world_from_clip: mat4x4f,
+    // To places relative to the eye.
+    eye_from_clip: mat4x4f,
     eye: vec3f,
     // Factor for what this call adds.
     weight: f32,
@@ -123,9 +124,15 @@ fn compare(at: Lookup, across: vec2f) -> f32 {
     return mix(mix(lit.x, lit.y, f.x), mix(lit.z, lit.w, f.x), f.y);
 }
 
+// Tangent of the angular radius of a disc whose RMS angle is `spread_rad`; near a right angle and beyond it the disc is
+// the sky, which the search in a shadow map is cut to anyway.
+fn disc_radius(spread_rad: f32) -> f32 {
+    return 1.41421356 * tan(min(spread_rad, 1.5));
+}
+
 // Points of a disc of radius 1, evenly spread (Vogel 1979).
 fn disc_point(index: u32, count: u32, turn: f32) -> vec2f {
-    let angle = 2.39996323 * f32(index) + 2.0 * PI * turn;
+    let angle = 2.39996323 * f32(index) + 2.0 * PI * fract(turn);
     return sqrt((f32(index) + 0.5) / f32(count)) * vec2f(cos(angle), sin(angle));
 }
 
@@ -238,9 +245,10 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
     s.gloss = unpack2x16float(packed.w).x;
     s.bend = unpack2x16float(packed.w).y;
     let ndc = (vec2f(pixel.xy) + 0.5) / vec2f(shade.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
-    let homogeneous = shade.world_from_clip * vec4f(ndc, depth, 1.0);
-    let position = homogeneous.xyz / homogeneous.w;
-    let view = normalize(shade.eye - position);
+    let homogeneous = shade.eye_from_clip * vec4f(ndc, depth, 1.0);
+    let from_eye = homogeneous.xyz / homogeneous.w;
+    let position = shade.eye + from_eye;
+    let view = normalize(-from_eye);
     let mirrored = reflect(-view, s.normal);
     let face_n = dot(s.face, s.normal);
     let energy = directional_albedo(max(dot(s.normal, view), 0.0), max(s.gloss, 0.0));
@@ -279,7 +287,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
             let spread_rad = select(light.spread_rad, 0.0, shade.cone_cosine <= 1.0);
             reflectance += specular_reflectance(s, view, light.direction, spread_rad, energy);
         }
-        let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, s.bend, noise + 0.7548777 * f32(number));
+        let lit = visibility(light.tile, disc_radius(light.spread_rad), position, s.face, s.bend, noise + 0.7548777 * f32(number));
         sum += factor * terminator(n_l, face_l, face_n) * n_l * lit * light.irradiance * reflectance;
     }
 
@@ -300,7 +308,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
             }
             shaded += 1u;
             let reflectance = specular_reflectance(s, view, light.direction, light.spread_rad, energy);
-            let lit = visibility(light.tile, 1.41421356 * tan(light.spread_rad), position, s.face, s.bend, noise + 0.7548777 * f32(number));
+            let lit = visibility(light.tile, disc_radius(light.spread_rad), position, s.face, s.bend, noise + 0.7548777 * f32(number));
             sum += factor * terminator(n_l, face_l, face_n) * n_l * lit * light.irradiance * reflectance;
         }
     }

@@ -1,7 +1,8 @@
 // Draws what every pixel shows: normals, reflectances and emission. Depth is reversed: 0 is infinitely far.
 
 struct Camera {
-    clip_from_world: mat4x4f,
+    // From places relative to the eye.
+    clip_from_eye: mat4x4f,
     eye: vec3f,
 }
 
@@ -10,7 +11,8 @@ struct Camera {
 
 struct Varyings {
     @builtin(position) clip: vec4f,
-    @location(0) world: vec3f,
+    // Place relative to the eye.
+    @location(0) from_eye: vec3f,
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
     @location(3) colour: vec4f,
@@ -26,8 +28,8 @@ fn vertex(
 ) -> Varyings {
     let world = instances[index].world_from_mesh * vec4f(position, 1.0);
     var out: Varyings;
-    out.clip = camera.clip_from_world * world;
-    out.world = world.xyz;
+    out.from_eye = world.xyz - camera.eye;
+    out.clip = camera.clip_from_eye * vec4f(out.from_eye, 1.0);
     out.normal = (instances[index].normal_from_mesh * vec4f(normal, 0.0)).xyz;
     out.uv = uv;
     out.colour = colour;
@@ -67,24 +69,27 @@ fn mapped_normal(n: vec3f, sample: vec3f, dp_dx: vec3f, dp_dy: vec3f, duv_dx: ve
 @fragment
 fn fragment(in: Varyings) -> Surface {
     // Derivatives and samples first: they need all four pixels of a quad.
-    let dp_dx = dpdx(in.world);
-    let dp_dy = dpdy(in.world);
+    let dp_dx = dpdx(in.from_eye);
+    let dp_dy = dpdy(in.from_eye);
     let duv_dx = dpdx(in.uv);
     let duv_dy = dpdy(in.uv);
     let base = base_colour(in.uv, in.colour);
     let metal_rough = textureSample(metallic_roughness_map, texture_sampler, in.uv);
     let normal_sample = textureSample(normal_map, texture_sampler, in.uv).xyz;
-    let emission = material.emissive * textureSample(emissive_map, texture_sampler, in.uv).xyz;
+    // Halves hold no more.
+    let emission = min(material.emissive * textureSample(emissive_map, texture_sampler, in.uv).xyz, vec3f(65504.0));
     if base.a < material.alpha_cutoff {
         discard;
     }
 
-    let view = camera.eye - in.world;
-    var face = cross(dp_dx, dp_dy);
+    // Scaled, so that scenes of any size have products that floats can hold.
+    let longest = max(abs(dp_dx), abs(dp_dy));
+    let scale = 1.0 / max(max(longest.x, max(longest.y, longest.z)), 1e-37);
+    var face = cross(scale * dp_dx, scale * dp_dy);
     let area = dot(face, face);
     // A triangle seen exactly from its edge has no derivatives to speak of; its vertices know better.
-    face = select(normalize(in.normal), face * inverseSqrt(max(area, 1e-30)), area > 1e-30);
-    face = select(face, -face, dot(face, view) < 0.0);
+    face = select(normalize(in.normal), face * inverseSqrt(max(area, 1e-30)), area > 1e-12);
+    face = select(face, -face, dot(face, in.from_eye) > 0.0);
     var normal = normalize(in.normal);
     // Angle between the triangle and the smoothed normal, for small angles.
     let bend = min(distance(normal, face), distance(normal, -face));

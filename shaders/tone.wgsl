@@ -30,7 +30,8 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let pixel = min(vec2u(position.xy), screen.size - 1u);
     let seen = radiance[pixel.y * screen.size.x + pixel.x];
     let scale = exp2(exposure.log_key - exposure.log_average);
-    let scaled = scale * seen.rgb + (1.0 - seen.a) * BACKDROP * exp2(exposure.log_key);
+    // As far above white as makes no difference, and its square is still a number.
+    let scaled = min(scale * seen.rgb + (1.0 - seen.a) * BACKDROP * exp2(exposure.log_key), vec3f(1e18));
     let luminance = dot(scaled, vec3f(0.2126, 0.7152, 0.0722));
     let white = max(scale * exp2(exposure.log_white), 1.0);
     return vec4f(scaled * (1.0 + luminance / (white * white)) / (1.0 + luminance), 1.0);

@@ -6,6 +6,10 @@ mod panorama;
 #[cfg(feature = "render")]
 mod render;
 mod report;
+#[cfg(feature = "render")]
+mod report_pictures;
+#[cfg(feature = "render")]
+mod report_speed;
 mod resolution;
 mod run;
 mod signals;
@@ -34,6 +38,10 @@ enum Command {
     Render(render::Arguments),
     Synthesize(synthesize::Arguments),
     Report(report::Arguments),
+    #[cfg(feature = "render")]
+    ReportPictures(report_pictures::Arguments),
+    #[cfg(feature = "render")]
+    ReportSpeed(report_speed::Arguments),
 }
 
 /// Runs the program; the exit code is 0 for done, 1 for failed, 2 for wrong usage or configuration.
@@ -47,6 +55,10 @@ pub fn main() -> ExitCode {
         Command::Render(arguments) => render::run(arguments),
         Command::Synthesize(arguments) => synthesize::run(arguments),
         Command::Report(arguments) => report::run(arguments),
+        #[cfg(feature = "render")]
+        Command::ReportPictures(arguments) => report_pictures::run(arguments),
+        #[cfg(feature = "render")]
+        Command::ReportSpeed(arguments) => report_speed::run(arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// Writes lines to standard output; false when nobody reads it any more.
-fn print(lines: &[String]) -> Result<bool> {
+pub(super) fn print(lines: &[String]) -> Result<bool> {
     let mut out = io::stdout().lock();
     match lines.iter().try_for_each(|line| writeln!(out, "{line}")) {
         Ok(()) => Ok(true),

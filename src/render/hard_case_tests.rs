@@ -5,7 +5,7 @@ use super::{Options, Renderer};
 use crate::error::Kind;
 use crate::gpu::Gpu;
 use crate::light::Light;
-use crate::scene::{Camera, Material, Scene, Transform};
+use crate::scene::{Camera, Material, Scene, Shading, Transform};
 use glam::{Mat4, Quat, Vec3};
 
 const SMALL: Options = Options {
@@ -240,4 +240,85 @@ fn a_million_triangles() {
     let expected = draw(&mut renderer, &[light(0, direction, 1.0)], &camera());
     let middle = ((SMALL.height_px / 2) * SMALL.width_px + SMALL.width_px / 2) as usize;
     assert!((found[middle][1] / expected[middle][1] - 1.0).abs() < 0.02, "{:?}", found[middle]);
+}
+
+#[test]
+fn a_camera_that_looks_straight_down_sees_what_is_below() {
+    let Some(mut renderer) = renderer(sphere_on_ground(lambert())) else { return };
+    for up in [Vec3::Y, Vec3::NEG_Y, Vec3::ZERO] {
+        let above = Camera { eye: Vec3::new(0.0, 8.0, 0.0), target: Vec3::ZERO, up, ..camera() };
+        let pixels = draw(&mut renderer, &[light(0, Vec3::new(0.1, 1.0, 0.1), 1.0)], &above);
+        let middle = pixels[((SMALL.height_px / 2) * SMALL.width_px + SMALL.width_px / 2) as usize];
+        assert!(middle[3] == 1.0 && middle[1] > 0.1, "{up}: {middle:?}");
+    }
+}
+
+#[test]
+fn a_wide_lobe_and_a_wide_light_reach_no_pixel_behind_them() {
+    let mut phong = Material::new(Shading::Phong { specular: [0.5; 3], exponent: 0.0 }, [0.0; 3]);
+    phong.emissive = [1e5, 0.0, 0.0];
+    let Some(mut renderer) = renderer(sphere_on_ground(phong)) else { return };
+    let low = Light { spread_rad: 0.3, ..light(0, Vec3::new(0.0, 0.3, -1.0), 1.0) };
+    let pixels = draw(&mut renderer, &[low], &camera());
+    let glow = pixels.iter().map(|pixel| pixel[0]).fold(0.0, f32::max);
+    assert!((glow - 65504.0).abs() < 1.0, "halves hold no more: {glow}");
+    assert!(pixels.iter().any(|pixel| pixel[3] == 1.0 && pixel[1] == 0.0));
+    assert!(pixels.iter().any(|pixel| pixel[1] > 0.01));
+}
+
+#[test]
+fn a_scene_far_from_the_origin_looks_like_one_at_it() {
+    let Some(mut near) = renderer(sphere_on_ground(lambert())) else { return };
+    let lights = [light(0, Vec3::new(0.5, 0.7, 0.3), 1.0)];
+    let expected = draw(&mut near, &lights, &camera());
+    // Floats hold no finer steps than 1/1024 there.
+    let away = Vec3::new(8192.0, 0.0, -8192.0);
+    let mut scene = sphere_on_ground(lambert());
+    scene.nodes[0].transform = Transform::Matrix(Mat4::from_translation(away));
+    let Some(mut far) = renderer(scene) else { return };
+    let from = Camera { eye: camera().eye + away, target: camera().target + away, ..camera() };
+    let found = draw(&mut far, &lights, &from);
+    let differ =
+        found.iter().zip(&expected).filter(|(a, b)| (0..4).any(|c| (a[c] - b[c]).abs() > 0.02)).count();
+    assert!(differ <= SMALL.pixels() / 50, "{differ} pixels");
+}
+
+#[test]
+fn a_roof_in_the_plane_of_the_box_s_top_casts_its_shadow() {
+    // Of all heights some are rounded up and some down.
+    for y in [0.3, 0.7, 0.9, 1.1, 1.3] {
+        let roof = moved(ground(1.0, 0.0, 0), Vec3::new(0.0, y, 0.0));
+        let post = cuboid(Vec3::new(0.8, -1.0, 0.8), Vec3::new(0.9, y, 0.9), 0);
+        let meshes = vec![(roof, true), (post, true), (ground(4.0, -1.0, 0), false)];
+        let Some(mut renderer) = renderer(scene(meshes, vec![lambert()])) else { return };
+        let from = Camera { eye: Vec3::new(0.0, 0.0, 5.0), target: Vec3::new(0.0, -1.0, 0.0), ..camera() };
+        let pixels = draw(&mut renderer, &[light(0, Vec3::Y, 1.0)], &from);
+        let below = pixels[((SMALL.height_px / 2) * SMALL.width_px + SMALL.width_px / 2) as usize];
+        assert!(below[3] == 1.0 && below[1] < 1e-3, "{y}: {below:?}");
+    }
+}
+
+#[test]
+fn the_widest_light_has_the_softest_shadow() {
+    let Some(mut renderer) = renderer(sphere_on_ground(lambert())) else { return };
+    let mut shadow = |spread_rad| {
+        let light = Light { spread_rad, ..light(0, Vec3::Y, 1.0) };
+        let pixels = draw(&mut renderer, &[light], &camera());
+        pixels.iter().filter(|pixel| pixel[3] == 1.0 && pixel[1] == 0.0).count()
+    };
+    let hard = shadow(0.0);
+    for spread_rad in [1.5, std::f32::consts::FRAC_PI_2, 2.0, std::f32::consts::PI] {
+        assert_eq!(shadow(spread_rad), shadow(1.5), "{spread_rad}");
+        assert!(shadow(spread_rad) < hard, "{spread_rad}");
+    }
+}
+
+#[test]
+fn the_strongest_lights_of_a_file_give_numbers() {
+    let Some(mut renderer) = renderer(sphere_on_ground(metal(0.3))) else { return };
+    let lights: Vec<Light> = sky(300).into_iter().map(|l| Light { irradiance: [1e30; 3], ..l }).collect();
+    draw(&mut renderer, &lights, &camera());
+    let mut picture = Vec::new();
+    renderer.read_picture(0.0, &mut picture).unwrap();
+    assert!(picture.iter().any(|&code| code > 100));
 }

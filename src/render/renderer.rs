@@ -122,7 +122,7 @@ impl Renderer {
         let materials = Materials::new(&gpu, &scene)?;
         let shadow_pass = ShadowPass::new(&gpu, options.shadow_map_px, options.tiles_per_side());
         let high = RegionSet::new(&gpu, Regions::for_normals());
-        let low = RegionSet::new(&gpu, Regions::for_cones(options.cone_rad));
+        let low = RegionSet::new(&gpu, cone_regions(options.cone_rad));
         let (region_pass, shade_pass) = (RegionPass::new(&gpu), ShadePass::new(&gpu, options.count_lights));
         let buffers = Buffers::new(&gpu, options, &high, &low);
         let sets = LightSets::default();
@@ -211,6 +211,7 @@ impl Renderer {
         for sample in 0..samples.max(1) {
             let before = if sample == 0 { Before::Drop } else { Before::Keep };
             self.sample(camera, sample, samples.max(1), before, true, &options);
+            self.pause(sample)?;
         }
         self.gpu.check()
     }
@@ -245,13 +246,18 @@ impl Renderer {
                 let is_first = done == 0;
                 let before = if is_first && sample == 0 { Before::Drop } else { Before::Keep };
                 self.sample(camera, sample, samples.max(1), before, is_first, &options);
+                self.pause(sample)?;
             }
             done += lights.len();
-            // Let the device finish: a queue of thousands of passes would fill its memory.
             self.gpu.wait()?;
             progress(done);
         }
         Ok(())
+    }
+
+    /// Lets the device catch up after every so many samples: a queue of thousands of passes would fill its memory.
+    fn pause(&self, sample: u32) -> Result<()> {
+        if sample % 32 == 31 { self.gpu.wait() } else { Ok(()) }
     }
 
     /// Lights, their regions and shadow maps.
@@ -260,8 +266,8 @@ impl Renderer {
         self.sets.update(lights, options);
         buffers.lights.write(gpu, &self.sets.lights);
         buffers.tiles.write(gpu, &self.sets.tiles.directions);
-        let (casters, all) = (self.geometry.casters, self.geometry.all);
-        let space = LightSpace::new(&casters, &all, options.shadow_map_px, self.options.tiles_per_side());
+        let casters = self.geometry.casters;
+        let space = LightSpace::new(&casters, options.shadow_map_px, self.options.tiles_per_side());
         buffers.space.write(gpu, &[space]);
         let (high, low) = self.assignments(options);
         self.high.set(gpu, high);
@@ -315,13 +321,13 @@ impl Renderer {
         options: &Options,
     ) {
         let size = [options.width_px, options.height_px];
-        let clip_from_world = clip_from_world(camera, size, pixel_offset(sample, samples));
-        let uniform = CameraUniform { clip_from_world: clip_from_world.as_mat4(), eye: camera.eye, pad: 0 };
+        let clip_from_eye = clip_from_eye(camera, size, pixel_offset(sample, samples));
+        let uniform = CameraUniform { clip_from_eye: clip_from_eye.as_mat4(), eye: camera.eye, pad: 0 };
         self.buffers.camera.write(&self.gpu, &[uniform]);
         let (high, low) = self.assignments(options);
         let has_low = self.sets.low_count() > 0 && options.culling;
         let shade = ShadeUniform {
-            world_from_clip: clip_from_world.inverse().as_mat4(),
+            eye_from_clip: clip_from_eye.inverse().as_mat4(),
             eye: camera.eye,
             weight: 1.0 / samples as f32,
             keep: match before {
@@ -425,7 +431,8 @@ impl Renderer {
         Ok(LightCounts { pixels: counts[0], looked_at: counts[1], shaded: counts[2] })
     }
 
-    /// Waits for the frame drawn last: GPU time of its passes, empty where the adapter does not measure.
+    /// Waits for the frame drawn last: GPU time of its passes, of the first 64 of them, empty where the adapter does not
+    /// measure.
     ///
     /// # Errors
     /// Those of the device.
@@ -448,6 +455,11 @@ fn picture(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) ->
     })
 }
 
+/// Regions of set L, for cones of `cone_rad`; without such a set just one.
+fn cone_regions(cone_rad: f64) -> Regions {
+    if cone_rad > 0.0 { Regions::for_cones(cone_rad) } else { Regions::new(1, 0.0) }
+}
+
 /// Where in the pixel a sample looks, from its middle: points of Halton's sequence, the middle alone for one.
 fn pixel_offset(sample: u32, samples: u32) -> [f64; 2] {
     if samples == 1 {
@@ -456,10 +468,9 @@ fn pixel_offset(sample: u32, samples: u32) -> [f64; 2] {
     [2, 3].map(|base| halton(u64::from(sample) + 1, base) - 0.5)
 }
 
+/// From places relative to the eye, along the axes of the world, so that scenes far from the origin keep their digits.
 /// Reversed depth without a far plane; `offset_px` moves what is seen by parts of a pixel.
-fn clip_from_world(camera: &Camera, [width, height]: [u32; 2], offset_px: [f64; 2]) -> DMat4 {
-    let (eye, target, up) = (camera.eye.as_dvec3(), camera.target.as_dvec3(), camera.up.as_dvec3());
-    let view_from_world = rh::view::look_at_mat4(eye, target, up);
+fn clip_from_eye(camera: &Camera, [width, height]: [u32; 2], offset_px: [f64; 2]) -> DMat4 {
     let aspect = f64::from(width) / f64::from(height);
     let clip_from_view = rh::proj::directx::perspective_infinite_reverse(
         f64::from(camera.vertical_fov_rad),
@@ -468,7 +479,7 @@ fn clip_from_world(camera: &Camera, [width, height]: [u32; 2], offset_px: [f64; 
     );
     let offset =
         DVec3::new(2.0 * offset_px[0] / f64::from(width), 2.0 * offset_px[1] / f64::from(height), 0.0);
-    DMat4::from_translation(offset) * clip_from_view * view_from_world
+    DMat4::from_translation(offset) * clip_from_view * DMat4::from_mat3(camera.view_from_world().as_dmat3())
 }
 
 impl Buffers {

@@ -17,7 +17,7 @@ const GROUP: u32 = 8;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(super) struct ShadeUniform {
-    pub world_from_clip: Mat4,
+    pub eye_from_clip: Mat4,
     pub eye: Vec3,
     pub weight: f32,
     pub keep: f32,
@@ -91,7 +91,7 @@ mod tests {
             &source,
             "Shade",
             size_of::<ShadeUniform>(),
-            members!(ShadeUniform: world_from_clip, eye, weight, keep, size, high_count, high_stride, low_stride,
+            members!(ShadeUniform: eye_from_clip, eye, weight, keep, size, high_count, high_stride, low_stride,
                 low_first_word, table_side, low_table_side, cone_cosine, soft_samples, seed, has_emission),
         );
         let light = members!(GpuLight: direction, spread_rad, irradiance, tile);

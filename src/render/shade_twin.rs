@@ -39,7 +39,10 @@ fn specular_reflectance(s: &Surface, view: Vec3, l: Vec3, spread_rad: f32, energ
     if s.gloss < 0.0 {
         let width = 2.0 / (1.0 - s.gloss) + spread_rad * spread_rad;
         let exponent = (2.0 / width - 1.0).max(0.0);
-        let cosine = reflect(-view, s.normal).dot(l).max(0.0);
+        let cosine = reflect(-view, s.normal).dot(l);
+        if cosine <= 0.0 {
+            return Vec3::ZERO;
+        }
         return s.specular * ((exponent + 2.0) / (2.0 * PI) * cosine.powf(exponent));
     }
     let h = (view + l).normalize_or_zero();
@@ -85,7 +88,7 @@ fn gradient_noise(pixel: Vec2) -> f32 {
 }
 
 fn disc_point(index: u32, count: u32, turn: f32) -> Vec2 {
-    let angle = 2.399_963_2 * index as f32 + 2.0 * PI * turn;
+    let angle = 2.399_963_2 * index as f32 + 2.0 * PI * turn.fract();
     ((index as f32 + 0.5) / count as f32).sqrt() * Vec2::new(angle.cos(), angle.sin())
 }
 
@@ -206,8 +209,8 @@ impl Frame {
         let depth = self.depths[(pixel.y * self.shade.size[0] + pixel.x) as usize];
         let size = Vec2::new(self.shade.size[0] as f32, self.shade.size[1] as f32);
         let ndc = (pixel.as_vec2() + 0.5) / size * Vec2::new(2.0, -2.0) + Vec2::new(-1.0, 1.0);
-        let homogeneous = self.shade.world_from_clip * ndc.extend(depth).extend(1.0);
-        (depth > 0.0).then(|| homogeneous.truncate() / homogeneous.w)
+        let homogeneous = self.shade.eye_from_clip * ndc.extend(depth).extend(1.0);
+        (depth > 0.0).then(|| self.shade.eye + homogeneous.truncate() / homogeneous.w)
     }
 
     pub(super) fn surface(&self, pixel: UVec2) -> Surface {
@@ -235,7 +238,7 @@ impl Frame {
         let is_glossy = s.specular.cmpgt(Vec3::ZERO).any();
         let noise = gradient_noise(pixel.as_vec2()) + shade.seed as f32 * 0.618_034;
         let lit = |number: u32, tile: u32, spread_rad: f32| {
-            let radius = std::f32::consts::SQRT_2 * spread_rad.tan();
+            let radius = std::f32::consts::SQRT_2 * spread_rad.min(1.5).tan();
             self.visibility(tile, radius, position, &s, noise + 0.754_877_7 * number as f32)
         };
         let (mut sum, mut shaded) = (Vec3::ZERO, 0);

@@ -12,7 +12,7 @@ pub(super) const SOURCES: [&str; 2] = [geometry::SOURCE, include_str!("../../sha
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct CameraUniform {
-    pub clip_from_world: Mat4,
+    pub clip_from_eye: Mat4,
     pub eye: Vec3,
     pub pad: u32,
 }
@@ -165,7 +165,7 @@ mod tests {
             &source,
             "Camera",
             size_of::<CameraUniform>(),
-            members!(CameraUniform: clip_from_world, eye),
+            members!(CameraUniform: clip_from_eye, eye),
         );
         assert_layout(
             &source,

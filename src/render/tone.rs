@@ -207,7 +207,8 @@ mod twin {
     /// Linear, in [0, 1].
     pub(super) fn screen([r, g, b, alpha]: [f32; 4], exposure: &Exposure) -> [f32; 3] {
         let scale = (exposure.log_key - exposure.log_average).exp2();
-        let scaled = [r, g, b].map(|v| scale * v + (1.0 - alpha) * 0.25 * exposure.log_key.exp2());
+        let scaled =
+            [r, g, b].map(|v| (scale * v + (1.0 - alpha) * 0.25 * exposure.log_key.exp2()).min(1e18));
         let bright = luminance(scaled);
         let white = (scale * exposure.log_white.exp2()).max(1.0);
         scaled.map(|v| v * (1.0 + bright / (white * white)) / (1.0 + bright))

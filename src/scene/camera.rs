@@ -1,5 +1,5 @@
 use super::Bounds;
-use glam::{Mat3, Mat4, Vec3};
+use glam::{Mat3, Vec3};
 
 /// How far above the horizon a camera of [`Camera::framing`] stands, seen from the middle of what it shows, and how
 /// far to the right of +Z.
@@ -65,19 +65,17 @@ impl Camera {
         }
     }
 
-    /// From the world to the camera: +X right, +Y up, looking along -Z.
+    /// The rotation from the axes of the world to those of the camera: +X right, +Y up, looking along -Z.
     ///
     /// Where the camera's fields are not as they should be (eye and target in one place, `up` along the axis), it
-    /// looks along -Z, or turns about the axis so that some other axis of the world is up; the matrix is always a
-    /// rotation and a translation.
-    pub fn view_from_world(&self) -> Mat4 {
+    /// looks along -Z, or turns about the axis so that some other axis of the world is up; it is always a rotation.
+    pub fn view_from_world(&self) -> Mat3 {
         let forward = (self.target - self.eye).try_normalize().unwrap_or(Vec3::NEG_Z);
         // What is left of parallel vectors is rounding, and as good as none.
         let right = forward.cross(self.up.normalize_or_zero());
         let right = if right.length() > 1e-3 { right } else { forward.any_orthonormal_vector() };
         let right = right.normalize_or_zero();
-        let view_from_world = Mat3::from_cols(right, right.cross(forward), -forward).transpose();
-        Mat4::from_mat3_translation(view_from_world, view_from_world * -self.eye)
+        Mat3::from_cols(right, right.cross(forward), -forward).transpose()
     }
 }
 
@@ -90,7 +88,7 @@ mod tests {
         let view = camera.view_from_world();
         let slope = (0.5 * camera.vertical_fov_rad).tan();
         bounds.corners().into_iter().fold(Vec3::new(0.0, 0.0, f32::INFINITY), |most, corner| {
-            let p = view.transform_point3(corner);
+            let p = view * (corner - camera.eye);
             let (x, y) = (p.x.abs() / (-p.z * slope * aspect), p.y.abs() / (-p.z * slope));
             Vec3::new(most.x.max(x), most.y.max(y), most.z.min(-p.z))
         })
@@ -135,7 +133,7 @@ mod tests {
         ] {
             let view = camera.view_from_world();
             assert!((view.determinant() - 1.0).abs() < 1e-5 && view.is_finite(), "{view}");
-            assert!(view.transform_point3(camera.eye).length() < 1e-5);
+            assert!((view * view.transpose()).abs_diff_eq(Mat3::IDENTITY, 1e-5), "{view}");
         }
     }
 }

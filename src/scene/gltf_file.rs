@@ -185,10 +185,7 @@ impl Reader<'_> {
                     "is damaged: node {number} has two parents or is its own ancestor; nodes form trees"
                 )));
             }
-            if depth > MAX_DEPTH
-                || self.scene.nodes.len() >= MAX_NODES
-                || self.scene.instances.len() > MAX_NODES
-            {
+            if depth > MAX_DEPTH || self.scene.nodes.len() >= MAX_NODES {
                 return Err(Error::usage(format!(
                     "has more than {MAX_NODES} nodes or {MAX_DEPTH} generations of them; simplify it"
                 )));
@@ -204,7 +201,13 @@ impl Reader<'_> {
                         "skins left out: their meshes stand still, as they lie in the file",
                     );
                 }
-                for mesh in self.mesh(&mesh)? {
+                let meshes = self.mesh(&mesh)?;
+                if self.scene.instances.len() + meshes.len() > MAX_NODES {
+                    return Err(Error::usage(format!(
+                        "node {number}: with it more than {MAX_NODES} meshes are to be drawn; join some"
+                    )));
+                }
+                for mesh in meshes {
                     self.scene.instances.push(Instance { mesh, node: place, casts_shadow: true });
                 }
             }
@@ -220,6 +223,12 @@ impl Reader<'_> {
             return Ok(known.clone());
         }
         let mut places = Vec::new();
+        if mesh.primitives().len() > MAX_NODES {
+            return Err(Error::usage(format!(
+                "mesh {}: has more than {MAX_NODES} primitives; join some",
+                mesh.index()
+            )));
+        }
         for primitive in mesh.primitives() {
             let name = mesh.name().map(|name| format!(" `{}`", short(name))).unwrap_or_default();
             let place = format!("mesh {}{name}, primitive {}", mesh.index(), primitive.index());

@@ -39,7 +39,8 @@ pub struct Material {
     pub normal_scale: f32,
     /// Roughness in green, metal in blue (linear).
     pub metallic_roughness_texture: Option<usize>,
-    /// Radiance that the surface sends by itself, >= 0; times the texture. It lights nothing else.
+    /// Radiance that the surface sends by itself, >= 0; times the texture. It lights nothing else. The renderer shows no
+    /// more than 65504.
     pub emissive: [f32; 3],
     /// Emitted colour (sRGB).
     pub emissive_texture: Option<usize>,
@@ -53,7 +54,7 @@ impl Material {
         Self::new(Shading::Phong { specular: [0.0; 3], exponent: 0.0 }, colour)
     }
 
-    /// An opaque, one-sided material without textures; `colour` is linear, in [0, 1].
+    /// An opaque material without textures; `colour` is linear, in [0, 1].
     pub fn new(shading: Shading, colour: [f32; 3]) -> Self {
         Self {
             shading,

@@ -363,8 +363,7 @@ impl View {
         let Some(path) = (1..=u32::MAX).map(numbered).find(|path| !path.exists()) else { return Ok(()) };
         match self.writer.write(&mut self.renderer, 0.0, &path, false) {
             Ok(()) => {
-                let shown = std::path::absolute(&path).unwrap_or(path);
-                tracing::info!("window: saved {}", shown.display());
+                tracing::info!("window: saved {}", std::path::absolute(&path).unwrap_or(path).display());
             }
             Err(error) => {
                 self.renderer.gpu().check()?;

@@ -52,7 +52,7 @@ def lightcast_command(arguments, mesh, picture):
     vector = lambda values: ",".join(f"{value:.9g}" for value in values)
     # With `=`, so that a negative number is no option.
     view = [f"--eye={vector(arguments.eye)}", f"--target={vector(arguments.target)}", f"--fov={arguments.fov:.9g}"]
-    scene = ["--scene", mesh, "--size", "{}x{}".format(*arguments.size), *view, "--output", picture]
+    scene = ["--scene", mesh, "--ground", "--size", "{}x{}".format(*arguments.size), *view, "--output", picture]
     return [arguments.lightcast, "render", arguments.map, "--hemisphere", "--reference", *scene]
 
 

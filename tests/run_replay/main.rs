@@ -10,4 +10,6 @@ mod recording;
 #[cfg(feature = "render")]
 mod render;
 mod repeatable;
+#[cfg(feature = "render")]
+mod report;
 mod signals;

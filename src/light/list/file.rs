@@ -11,6 +11,8 @@ const LINE_MAX_BYTES: u64 = 1 << 23;
 
 /// How far a direction may be from length 1: four written digits.
 const LENGTH_TOLERANCE: f32 = 1e-3;
+/// Sums of the most lights of so much still are numbers.
+const MOST_IRRADIANCE: f32 = 1e30;
 
 /// Light lists from a file of JSON lines, as [`LightList::write_json_line`] writes them.
 pub struct ListFile {
@@ -49,7 +51,7 @@ impl ListFile {
     ///
     /// # Errors
     /// With file, line and column: no JSON, a key that is missing, another version; with the number of the light:
-    /// directions that are no unit vectors, irradiances that are negative or not finite.
+    /// directions that are no unit vectors, irradiances that are negative, not finite or above 1e30.
     pub fn read(&mut self, list: &mut LightList) -> Result<bool> {
         loop {
             self.line.clear();
@@ -90,8 +92,8 @@ fn parse(line: &[u8], list: &mut LightList) -> Result<()> {
         let length = light.direction.iter().map(|v| v * v).sum::<f32>().sqrt();
         let fault = if length.is_nan() || (length - 1.0).abs() > LENGTH_TOLERANCE {
             "direction is no unit vector"
-        } else if !light.irradiance.iter().all(|v| v.is_finite() && *v >= 0.0) {
-            "irradiance is negative or not finite"
+        } else if !light.irradiance.iter().all(|v| (0.0..=MOST_IRRADIANCE).contains(v)) {
+            "irradiance is not from 0 to 1e30"
         } else if !(0.0..=std::f32::consts::PI).contains(&light.spread_rad) {
             "spread_rad is no angle from 0 to pi"
         } else {
@@ -163,8 +165,8 @@ mod tests {
             (format!("{{\"version\":2,{stamp},\"lights\":[]}}"), "is of version 2"),
             (format!("{{\"version\":1,{stamp}}}"), "missing field `lights`"),
             (one(&sound.replace("0,1,0", "0,1.1,0")), "light 0 (id 1): its direction is no unit vector"),
-            (one(&sound.replace("1,1,1", "1,-1,1")), "its irradiance is negative"),
-            (one(&sound.replace("1,1,1", "1,1e39,1")), "its irradiance is negative or not finite"),
+            (one(&sound.replace("1,1,1", "1,-1,1")), "its irradiance is not from 0"),
+            (one(&sound.replace("1,1,1", "1,1e39,1")), "its irradiance is not from 0 to 1e30"),
             (one(&sound.replace("rad\":0", "rad\":4")), "its spread_rad is no angle"),
             (one(&format!("{sound},{sound}")), "two lights have the id 1"),
         ] {
