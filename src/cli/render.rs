@@ -1,3 +1,4 @@
+mod values;
 mod window;
 
 use super::lights::SamplerName;
@@ -19,9 +20,9 @@ use crate::stage::{Files, PictureWriter, Render};
 use clap::ValueEnum;
 use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::ffi::OsStr;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use values::{Input, Target, field_of_view, milliseconds, vector};
 
 /// Render a scene under captured light.
 ///
@@ -145,51 +146,6 @@ pub(super) struct Arguments {
 enum BackendName {
     Vulkan,
     Gl,
-}
-
-/// What INPUT is, by its name: panoramas come under many names, lists and configurations under few.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Input {
-    Panorama,
-    Lists,
-    Configuration,
-}
-
-impl Input {
-    fn of(path: &Path) -> Self {
-        match path.extension().and_then(OsStr::to_str) {
-            Some("toml") => Self::Configuration,
-            Some("jsonl" | "json") => Self::Lists,
-            _ => Self::Panorama,
-        }
-    }
-}
-
-/// Where the pictures go.
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Target {
-    File { path: PathBuf, is_exr: bool },
-    Folder(PathBuf),
-}
-
-impl Target {
-    fn of(path: &Path) -> Result<Self> {
-        let file = |is_exr| Ok(Self::File { path: path.to_owned(), is_exr });
-        match path.extension().and_then(OsStr::to_str) {
-            _ if path.is_dir() => Ok(Self::Folder(path.to_owned())),
-            Some("png") => file(false),
-            Some("exr") => file(true),
-            None => Ok(Self::Folder(path.to_owned())),
-            Some(_) => {
-                Err(Error::usage("names no kind of picture; give .png, .exr or a folder").at(path.display()))
-            }
-        }
-    }
-
-    fn name(&self) -> std::path::Display<'_> {
-        let (Self::File { path, .. } | Self::Folder(path)) = self;
-        path.display()
-    }
 }
 
 /// Samples of a pixel in pictures that nobody watches growing better.
@@ -399,54 +355,4 @@ fn bar(what: &str, length: Option<u64>) -> ProgressBar {
         None => (ProgressBar::new_spinner(), format!("{{spinner}} {{pos}} {what}, {{elapsed}}")),
     };
     bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
-}
-
-fn vector(text: &str) -> Result<Vec3, String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) if x.is_finite() && y.is_finite() && z.is_finite() => Ok(Vec3::new(x, y, z)),
-        _ => Err("write three numbers, such as 0,1.5,4".to_owned()),
-    }
-}
-
-fn field_of_view(text: &str) -> Result<f32, String> {
-    let degrees: Option<f32> = text.parse().ok();
-    degrees.filter(|degrees| (0.1..=170.0).contains(degrees)).ok_or("give 0.1 to 170 degrees".to_owned())
-}
-
-fn milliseconds(text: &str) -> Result<f64, String> {
-    let time_ms: Option<f64> = text.parse().ok();
-    time_ms
-        .filter(|time_ms| (0.1..=10_000.0).contains(time_ms))
-        .ok_or("give 0.1 to 10000 milliseconds".to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn inputs_and_outputs_are_told_by_their_names() {
-        assert_eq!(Input::of(Path::new("a/b.toml")), Input::Configuration);
-        assert_eq!(Input::of(Path::new("b.jsonl")), Input::Lists);
-        assert_eq!(Input::of(Path::new("b.hdr")), Input::Panorama);
-        assert_eq!(
-            Target::of(Path::new("b.png")).unwrap(),
-            Target::File { path: "b.png".into(), is_exr: false }
-        );
-        assert_eq!(Target::of(Path::new("frames")).unwrap(), Target::Folder("frames".into()));
-        assert!(Target::of(Path::new("b.jpg")).unwrap_err().to_string().contains("b.jpg: names no kind"));
-    }
-
-    #[test]
-    fn vectors_are_three_finite_numbers() {
-        assert_eq!(vector("1, -2.5,3e1"), Ok(Vec3::new(1.0, -2.5, 30.0)));
-        for text in ["1,2", "1,2,3,4", "1,nan,2", "a,b,c", "", "1,inf,0"] {
-            assert!(vector(text).is_err(), "{text}");
-        }
-        assert_eq!(field_of_view("40"), Ok(40.0));
-        assert_eq!(milliseconds("16.7"), Ok(16.7));
-        assert!(milliseconds("0").is_err() && milliseconds("nan").is_err());
-        assert!(field_of_view("180").is_err() && field_of_view("nan").is_err());
-    }
 }

@@ -1,9 +1,8 @@
 use super::Options;
 use super::budget::Quality;
-use super::energy;
 use super::geometry::Geometry;
 use super::light_space::LightSpace;
-use super::lights::{GpuLight, LightSets};
+use super::lights::LightSets;
 use super::material::Materials;
 use super::region_pass::{Assignment, RegionPass, RegionSet};
 use super::shade::{ShadePass, ShadeUniform};
@@ -11,16 +10,21 @@ use super::shadow::ShadowPass;
 use super::surface::{CameraUniform, SurfacePass};
 use super::tone::TonePass;
 use crate::error::Result;
-use crate::gpu::{Array, Gpu, PassTimes, Timer, read_buffer, read_texture};
+use crate::gpu::{Gpu, Timer};
 use crate::light::{Light, Regions};
-use crate::sampling::halton;
 use crate::scene::{Camera, Scene};
-use glam::dcamera::rh;
-use glam::{DMat4, DVec3, Mat4};
+use bindings::{BindGroups, Buffers};
+use glam::Mat4;
+use view::{clip_from_eye, pixel_offset};
 
+pub use output::LightCounts;
+
+mod bindings;
 mod live;
+mod output;
 #[cfg(test)]
 pub(super) mod read_back;
+mod view;
 
 /// Renders one scene, frame after frame, at one size.
 pub struct Renderer {
@@ -51,17 +55,6 @@ pub struct Renderer {
 /// Format of pictures that are read back: 8-bit sRGB and alpha.
 const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 
-/// What pixels have looked at since the counts were last read, in all.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LightCounts {
-    /// Pixels that show a surface.
-    pub pixels: u32,
-    /// Lights that they looked at.
-    pub looked_at: u32,
-    /// Lights that stand above their horizon, for which they looked into a shadow map.
-    pub shaded: u32,
-}
-
 /// What becomes of what the picture holds when a sample is added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Before {
@@ -71,29 +64,6 @@ enum Before {
     Keep,
     /// It is the mean of all samples before this one.
     Average,
-}
-
-struct Buffers {
-    camera: Array<CameraUniform>,
-    space: Array<LightSpace>,
-    lights: Array<GpuLight>,
-    tiles: Array<[f32; 4]>,
-    tables: Array<u32>,
-    lists: Array<u32>,
-    shade: Array<ShadeUniform>,
-    energies: Array<f32>,
-    radiance: Array<[f32; 4]>,
-    counts: Array<u32>,
-}
-
-struct BindGroups {
-    /// Generations of the buffers that can grow, when these were made.
-    generations: [u64; 2],
-    high: wgpu::BindGroup,
-    low: wgpu::BindGroup,
-    shadow: wgpu::BindGroup,
-    surface: wgpu::BindGroup,
-    shade: wgpu::BindGroup,
 }
 
 impl Renderer {
@@ -378,67 +348,6 @@ impl Renderer {
             );
         }
     }
-
-    /// Maps the frame drawn last to `target`, `elapsed_s` after the one before: the exposure follows what is seen in
-    /// about half a second.
-    ///
-    /// # Errors
-    /// Those of the device.
-    pub fn present(&mut self, target: &wgpu::TextureView, elapsed_s: f64) -> Result<()> {
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.tone_pass.encode(&self.gpu, &mut encoder, &mut self.timer, target, elapsed_s);
-        self.timer.resolve(&mut encoder);
-        self.gpu.queue.submit([encoder.finish()]);
-        self.gpu.check()
-    }
-
-    /// [`Self::present`] into memory: 8-bit sRGB for every pixel, row-major from the top.
-    ///
-    /// # Errors
-    /// Those of the device.
-    pub fn read_picture(&mut self, elapsed_s: f64, rgb8: &mut Vec<u8>) -> Result<()> {
-        let view = self.picture.create_view(&wgpu::TextureViewDescriptor::default());
-        self.present(&view, elapsed_s)?;
-        let mut texels: Vec<[u8; 4]> = Vec::new();
-        read_texture(&self.gpu, &self.picture, &mut texels)?;
-        rgb8.clear();
-        let is_bgra = self.picture.format() == wgpu::TextureFormat::Bgra8UnormSrgb;
-        let places = if is_bgra { [2, 1, 0] } else { [0, 1, 2] };
-        rgb8.extend(texels.iter().flat_map(|texel| places.map(|place| texel[place])));
-        Ok(())
-    }
-
-    /// The picture as radiance: for every pixel, row-major from the top, linear RGB and the share of it that shows a
-    /// surface (colours are not divided by it).
-    ///
-    /// # Errors
-    /// Those of the device.
-    pub fn read_radiance(&self, pixels: &mut Vec<[f32; 4]>) -> Result<()> {
-        read_buffer(&self.gpu, self.buffers.radiance.buffer(), self.options.pixels(), pixels)
-    }
-
-    /// What pixels looked at since the last call; zeros unless the options ask for counts.
-    ///
-    /// # Errors
-    /// Those of the device.
-    pub fn read_counts(&mut self) -> Result<LightCounts> {
-        if !self.shade_pass.counts() {
-            return Ok(LightCounts::default());
-        }
-        let mut counts = Vec::new();
-        read_buffer(&self.gpu, self.buffers.counts.buffer(), 3, &mut counts)?;
-        self.buffers.counts.write(&self.gpu, &[0; 3]);
-        Ok(LightCounts { pixels: counts[0], looked_at: counts[1], shaded: counts[2] })
-    }
-
-    /// Waits for the frame drawn last: GPU time of its passes, of the first 64 of them, empty where the adapter does not
-    /// measure.
-    ///
-    /// # Errors
-    /// Those of the device.
-    pub fn read_times(&mut self) -> Result<PassTimes> {
-        self.timer.read(&self.gpu)
-    }
 }
 
 /// The texture of pictures that are read back.
@@ -458,96 +367,4 @@ fn picture(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) ->
 /// Regions of set L, for cones of `cone_rad`; without such a set just one.
 fn cone_regions(cone_rad: f64) -> Regions {
     if cone_rad > 0.0 { Regions::for_cones(cone_rad) } else { Regions::new(1, 0.0) }
-}
-
-/// Where in the pixel a sample looks, from its middle: points of Halton's sequence, the middle alone for one.
-fn pixel_offset(sample: u32, samples: u32) -> [f64; 2] {
-    if samples == 1 {
-        return [0.0; 2];
-    }
-    [2, 3].map(|base| halton(u64::from(sample) + 1, base) - 0.5)
-}
-
-/// From places relative to the eye, along the axes of the world, so that scenes far from the origin keep their digits.
-/// Reversed depth without a far plane; `offset_px` moves what is seen by parts of a pixel.
-fn clip_from_eye(camera: &Camera, [width, height]: [u32; 2], offset_px: [f64; 2]) -> DMat4 {
-    let aspect = f64::from(width) / f64::from(height);
-    let clip_from_view = rh::proj::directx::perspective_infinite_reverse(
-        f64::from(camera.vertical_fov_rad),
-        aspect,
-        f64::from(camera.near),
-    );
-    let offset =
-        DVec3::new(2.0 * offset_px[0] / f64::from(width), 2.0 * offset_px[1] / f64::from(height), 0.0);
-    DMat4::from_translation(offset) * clip_from_view * DMat4::from_mat3(camera.view_from_world().as_dmat3())
-}
-
-impl Buffers {
-    fn new(gpu: &Gpu, options: &Options, high: &RegionSet, low: &RegionSet) -> Self {
-        use wgpu::BufferUsages as Usage;
-        let mut tables = Array::new(gpu, "region tables", Usage::STORAGE, 1);
-        tables.write(gpu, &[high.regions.table(), low.regions.table()].concat());
-        let mut energies =
-            Array::new(gpu, "directional albedos", Usage::STORAGE, energy::SIDE * energy::SIDE);
-        energies.write(gpu, &energy::table());
-        Self {
-            camera: Array::new(gpu, "camera", Usage::UNIFORM, 1),
-            space: Array::new(gpu, "light space", Usage::UNIFORM | Usage::COPY_SRC, 1),
-            lights: Array::new(gpu, "lights", Usage::STORAGE, options.lights),
-            tiles: Array::new(gpu, "tiles", Usage::STORAGE, options.shadow_maps),
-            tables,
-            lists: Array::new(gpu, "region lists", Usage::STORAGE | Usage::COPY_SRC, 1),
-            shade: Array::new(gpu, "shade", Usage::UNIFORM | Usage::COPY_SRC, 1),
-            energies,
-            radiance: Array::new(gpu, "radiance", Usage::STORAGE | Usage::COPY_SRC, options.pixels()),
-            counts: Array::new(gpu, "counts", Usage::STORAGE | Usage::COPY_SRC, 3),
-        }
-    }
-
-    /// Of the buffers whose length follows the list of lights.
-    fn generations(&self) -> [u64; 2] {
-        [self.lights.generation(), self.lists.generation()]
-    }
-}
-
-impl BindGroups {
-    #[expect(clippy::too_many_arguments, reason = "all that a renderer has, before there is one")]
-    fn new(
-        gpu: &Gpu,
-        buffers: &Buffers,
-        geometry: &Geometry,
-        high: &RegionSet,
-        low: &RegionSet,
-        region_pass: &RegionPass,
-        shadow_pass: &ShadowPass,
-        surface_pass: &SurfacePass,
-        shade_pass: &ShadePass,
-    ) -> Self {
-        let [depths, normals, reflectances] = surface_pass.views().map(wgpu::BindingResource::TextureView);
-        Self {
-            generations: buffers.generations(),
-            high: region_pass.bind_group(gpu, high, &buffers.lights, &buffers.lists),
-            low: region_pass.bind_group(gpu, low, &buffers.lights, &buffers.lists),
-            shadow: shadow_pass.bind_group(gpu, &buffers.space, &buffers.tiles, &geometry.instances),
-            surface: surface_pass.bind_group(gpu, &buffers.camera, &geometry.instances),
-            shade: shade_pass.bind_group(
-                gpu,
-                [
-                    buffers.shade.binding(),
-                    buffers.space.binding(),
-                    buffers.lights.binding(),
-                    buffers.tiles.binding(),
-                    buffers.tables.binding(),
-                    buffers.lists.binding(),
-                    wgpu::BindingResource::TextureView(&shadow_pass.atlas_view),
-                    depths,
-                    normals,
-                    reflectances,
-                    buffers.energies.binding(),
-                    buffers.radiance.binding(),
-                    buffers.counts.binding(),
-                ],
-            ),
-        }
-    }
 }
