@@ -34,11 +34,12 @@ use values::{Input, Target, field_of_view, milliseconds, vector};
 /// The picture goes to a file, .png for people or .exr for linear radiance; for several lists name a folder, which
 /// gets frame_NUMBER.png. Without --output a window opens, if there is a display; there lists arrive at their own pace,
 /// and the newest is shown. Its keys:
-///   drag left, right   turn round the scene, move sideways
+///   drag left, right   turn round the scene, move sideways (Shift and left does that too)
 ///   wheel              go nearer or away
 ///   Space              freeze the lights, or let them go on
 ///   i, t               show or hide the map of the lights, the timings in the title
-///   r, s, h            back to the first camera, save picture_N.png, print the keys
+///   +, -               more or fewer lights, up to --lights
+///   r, s, h or F1      back to the first camera, save picture_N.png, print the keys
 ///   q, Escape          close
 ///
 /// Without --scene it shows a built-in scene. Any Vulkan adapter will do, one in software too.

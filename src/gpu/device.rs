@@ -109,7 +109,10 @@ impl Gpu {
         let fault = Fault::default();
         let (lost, failed) = (fault.clone(), fault.clone());
         device.set_device_lost_callback(move |reason, message| {
-            lost.set(format!("the graphics device was lost ({reason:?}): {message}"));
+            lost.set(format!(
+                "the graphics device was lost; start again, and if that happens again, ask for less (a smaller \
+                 picture, fewer lights and shadow maps) or update its driver ({reason:?}): {message}"
+            ));
         });
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| failed.set(error.to_string())));
         Self { device, queue, info, adapter: None, fault }
@@ -246,7 +249,7 @@ mod tests {
         gpu.device.destroy();
         let _ = gpu.device.poll(wgpu::PollType::wait_indefinitely());
         let error = gpu.wait().unwrap_err().to_string();
-        assert!(error.contains("lost"), "{error}");
+        assert!(error.contains("was lost; start again"), "{error}");
     }
 
     #[test]

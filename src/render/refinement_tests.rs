@@ -55,7 +55,7 @@ fn samples_added_one_by_one_are_those_drawn_at_once() {
         renderer.refine(&camera, drawn).unwrap();
     }
     let refined = radiance(&renderer);
-    assert!(most_apart(&refined, &at_once) < 1e-4, "{}", most_apart(&refined, &at_once));
+    assert!(most_apart(&refined, &at_once) < 1e-5, "{}", most_apart(&refined, &at_once));
     assert!(most_apart(&of_four, &at_once) > 1e-2, "the pictures can differ");
 }
 

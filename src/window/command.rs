@@ -7,6 +7,8 @@ pub(super) enum Command {
     Inset,
     Timings,
     Reset,
+    MoreLights,
+    FewerLights,
     Save,
     Help,
     Close,
@@ -15,14 +17,15 @@ pub(super) enum Command {
 /// What the window listens to, for people.
 pub const KEYS: &str = "\
 drag left      turn round the scene
-drag right     move sideways
+drag right     move sideways, as Shift and drag left do
 wheel          go nearer or away
 Space          freeze the lights, or let them go on
 i              show or hide the map of the lights
 t              show or hide the timings in the title; also prints the times of the passes
 r              back to the first camera
++, -           more or fewer lights, up to --lights
 s              save the picture as picture_N.png
-h              print these keys
+h, F1          print these keys
 q, Escape      close
 ";
 
@@ -32,11 +35,15 @@ impl Command {
         match key {
             Key::Named(NamedKey::Space) => Some(Self::Freeze),
             Key::Named(NamedKey::Escape) => Some(Self::Close),
+            Key::Named(NamedKey::F1) => Some(Self::Help),
             Key::Character(text) => match text.to_lowercase().as_str() {
                 " " => Some(Self::Freeze),
                 "i" => Some(Self::Inset),
                 "t" => Some(Self::Timings),
                 "r" => Some(Self::Reset),
+                // The key of + is that of = on many keyboards.
+                "+" | "=" => Some(Self::MoreLights),
+                "-" => Some(Self::FewerLights),
                 "s" => Some(Self::Save),
                 "h" => Some(Self::Help),
                 "q" => Some(Self::Close),
@@ -59,6 +66,7 @@ mod tests {
                 let key = match name {
                     "Space" => Key::Named(NamedKey::Space),
                     "Escape" => Key::Named(NamedKey::Escape),
+                    "F1" => Key::Named(NamedKey::F1),
                     letter => Key::Character(letter.into()),
                 };
                 assert!(Command::of(&key).is_some(), "{name}");

@@ -9,6 +9,8 @@ mod command;
 mod feed;
 mod inset;
 mod orbit;
+mod pointer;
+mod quality;
 mod screen;
 mod title;
 mod view;

@@ -2,6 +2,8 @@ use super::command::{Command, KEYS};
 use super::feed::{Feed, Source};
 use super::inset::Inset;
 use super::orbit::Orbit;
+use super::pointer::Pointer;
+use super::quality::{prefix_length, reserved, stepped};
 use super::screen::Screen;
 use super::title::{FrameTimes, Timings, Title};
 use super::{FirstCamera, Settings};
@@ -17,7 +19,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::dpi::PhysicalSize;
-use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
+use winit::event::WindowEvent;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::Window;
 
@@ -31,8 +33,6 @@ const STILL: Duration = Duration::from_millis(500);
 const TITLE_EVERY: Duration = Duration::from_millis(250);
 /// Time until the next try where the window could not be drawn on.
 const REST: Duration = Duration::from_millis(50);
-/// Pixels that a touch pad moves for one notch of a wheel.
-const PX_PER_NOTCH: f64 = 40.0;
 
 /// The open window and all that is shown in it.
 pub(super) struct View {
@@ -48,7 +48,9 @@ pub(super) struct View {
     name: String,
     samples: u32,
     budget: Option<Budget>,
-    /// Of the picture drawn last, and whether that is less than what was reserved.
+    /// What the keys leave of what was reserved: the quality of a picture that stands still.
+    most: Quality,
+    /// Of the picture drawn last, and whether the budget has made that less than the most.
     quality: Quality,
     is_reduced: bool,
     /// What of the list the budget leaves.
@@ -56,8 +58,7 @@ pub(super) struct View {
     refinement: Refinement,
     frame_times: FrameTimes,
     writer: PictureWriter,
-    held: Option<MouseButton>,
-    pointer: [f64; 2],
+    pointer: Pointer,
     /// Of the scene's animation.
     time_s: f64,
     is_frozen: bool,
@@ -98,7 +99,7 @@ impl View {
         let mut renderer = Renderer::for_screen(gpu, scene, &options, screen.format())?;
         renderer.pose(time_s);
         let first_camera = camera(&renderer)?;
-        let quality = reserved(&renderer);
+        let quality = reserved(renderer.options());
         let inset = Inset::new(renderer.gpu(), map, options.lights, screen.format());
         let mut view = Self {
             screen,
@@ -112,14 +113,14 @@ impl View {
             name,
             samples: samples.max(1),
             budget,
+            most: quality,
             quality,
             is_reduced: false,
             shortened: Vec::new(),
             refinement: Refinement::new(samples, MOST_SAMPLES),
             frame_times: FrameTimes::default(),
             writer: PictureWriter::default(),
-            held: None,
-            pointer: [0.0; 2],
+            pointer: Pointer::default(),
             time_s,
             is_frozen: false,
             shows_inset: true,
@@ -169,6 +170,11 @@ impl View {
                 self.orbit = Orbit::new(&self.first_camera);
                 self.has_moved = true;
             }
+            Command::MoreLights | Command::FewerLights => {
+                let is_more = command == Command::MoreLights;
+                self.most = stepped(self.most.lights, is_more, reserved(self.renderer.options()));
+                self.has_moved = true;
+            }
             Command::Save => self.save()?,
             // Where messages go, and as they are: a log would put its marks before every line.
             Command::Help => eprint!("{KEYS}"),
@@ -181,29 +187,7 @@ impl View {
 
     /// Follows the pointer: drags and the wheel.
     pub fn point(&mut self, event: &WindowEvent) {
-        match *event {
-            WindowEvent::MouseInput { state, button, .. } => {
-                self.held = (state == ElementState::Pressed).then_some(button);
-            }
-            WindowEvent::CursorMoved { position, .. } => {
-                let last = std::mem::replace(&mut self.pointer, [position.x, position.y]);
-                let by = [position.x - last[0], position.y - last[1]];
-                match self.held {
-                    Some(MouseButton::Left) => self.orbit.turn(by, self.size[1]),
-                    Some(MouseButton::Right) => self.orbit.pan(by, self.size[1]),
-                    _ => return,
-                }
-                self.has_moved = true;
-            }
-            WindowEvent::MouseWheel { delta, .. } => {
-                self.orbit.zoom(match delta {
-                    MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
-                    MouseScrollDelta::PixelDelta(position) => position.y / PX_PER_NOTCH,
-                });
-                self.has_moved = true;
-            }
-            _ => {}
-        }
+        self.has_moved |= self.pointer.follow(event, &mut self.orbit, self.size[1]);
     }
 
     /// Takes a list that waits, and asks for a frame if there is something to draw.
@@ -267,9 +251,15 @@ impl View {
         match work {
             Work::Draw => {
                 let mut lights = &self.feed.list().lights;
-                let most = reserved(&self.renderer);
-                self.quality =
-                    self.budget.as_ref().filter(|_| !improves).map_or(most, |budget| budget.quality());
+                let most = self.most;
+                let budget = self.budget.as_ref().filter(|_| !improves);
+                self.quality = budget.map_or(most, |budget| {
+                    let Quality { lights, shadow_maps } = budget.quality();
+                    Quality {
+                        lights: lights.min(most.lights),
+                        shadow_maps: shadow_maps.min(most.shadow_maps),
+                    }
+                });
                 self.is_reduced = self.quality != most;
                 self.renderer.set_quality(self.quality);
                 if self.is_reduced {
@@ -371,30 +361,5 @@ impl View {
             }
         }
         Ok(())
-    }
-}
-
-/// The most that `renderer` can be asked for.
-fn reserved(renderer: &Renderer) -> Quality {
-    let options = renderer.options();
-    Quality { lights: options.lights, shadow_maps: options.shadow_maps }
-}
-
-/// Length of the prefix of a list of `length` lights of which `lights` of at most `most` may light everything: set L
-/// gets shorter in the same proportion.
-fn prefix_length(length: usize, lights: usize, most: usize) -> usize {
-    (length * lights).div_ceil(most.max(1)).max(lights).min(length)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn both_sets_get_shorter_together() {
-        assert_eq!(prefix_length(1152, 72, 72), 1152);
-        assert_eq!(prefix_length(1152, 16, 72), 256);
-        assert_eq!(prefix_length(64, 16, 72), 16, "a list without a set L");
-        assert_eq!((prefix_length(10, 16, 72), prefix_length(0, 16, 72)), (10, 0));
     }
 }
