@@ -3,7 +3,7 @@ use super::signals::SignalWatch;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::rt::Shutdown;
-use crate::service::{Output, Pictures, Service};
+use crate::service::{Copies, Output, Pictures, Service};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         .as_ref()
         .map(|folder| Pictures { folder: folder.clone(), every: arguments.picture_every });
     let open_output = || open_output(arguments.output.as_ref());
-    let service = Service::start(&config, open_output, pictures.as_ref(), None, &shutdown)?;
+    let service = Service::start(&config, open_output, pictures.as_ref(), Copies::default(), &shutdown)?;
     let summary = service.summary();
     let bar = PROGRESS.add(progress_bar(service.frame_count()));
     let outcome = service.join(PROGRESS_INTERVAL, || {

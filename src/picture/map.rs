@@ -91,6 +91,11 @@ impl MapBackground {
         Self { canvas, view, theta_max_rad: shape.theta_max_rad }
     }
 
+    /// Its width in pixels.
+    pub fn width(&self) -> usize {
+        self.canvas.width
+    }
+
     /// A copy with a ring for every light, its area in proportion to the light's share of the power. Lights beyond the
     /// map's rim are left out.
     pub fn draw(&self, lights: &[Light]) -> Canvas {

@@ -57,7 +57,7 @@ pub struct Service {
 impl Service {
     /// Opens everything that `config` names, then the output, so that a start that fails leaves an old output file
     /// alone; then starts the threads. They end when the sequence does, on the first error, and when `shutdown` is
-    /// requested. Copies of all lists go to `copies`, for a renderer, say; [`list_link`] makes such a link.
+    /// requested. Copies of what it makes go to `copies`.
     ///
     /// # Errors
     /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can be
@@ -66,7 +66,7 @@ impl Service {
         config: &Config,
         open_output: impl FnOnce() -> Result<Output>,
         pictures: Option<&Pictures>,
-        copies: Option<link::Sender<LightList>>,
+        copies: Copies,
         shutdown: &Shutdown,
     ) -> Result<Self> {
         let sequence = Sequence::open(&config.source)?;
@@ -90,8 +90,10 @@ impl Service {
         let mut graph = Graph::new(clock.clone(), shutdown);
         let black = || PolarMap::black(config.map);
 
-        let (map_tap, list_tap) = match pictures {
-            None => (None, None),
+        let Copies { lists: list_copies, maps: map_copies } = copies;
+        let mut map_taps: Vec<_> = map_copies.into_iter().map(|maps| stage::MapTap::new(maps, 1)).collect();
+        let list_tap = match pictures {
+            None => None,
             Some(pictures) => {
                 std::fs::create_dir_all(&pictures.folder).map_err(|error| {
                     Error::failed("the folder for pictures cannot be made")
@@ -105,10 +107,8 @@ impl Service {
                 let (lists_in, lists_out) = link::bounded(LINK_CAPACITY, shutdown, LightList::default);
                 let picture = stage::Picture::new(lists_out, pictures.folder.clone());
                 graph.spawn(Metrics::new("picture"), picture, maps_out, Nowhere)?;
-                (
-                    Some(stage::MapTap::new(maps_in, pictures.every)),
-                    Some(stage::ListTap::new(lists_in, pictures.every)),
-                )
+                map_taps.push(stage::MapTap::new(maps_in, pictures.every));
+                Some(stage::ListTap::new(lists_in, pictures.every))
             }
         };
 
@@ -117,10 +117,10 @@ impl Service {
         let (lists_in, lists_out) = connect(config.links, shutdown, LightList::default);
         let (filtered_in, filtered_out) = connect(config.links, shutdown, LightList::default);
 
-        let publish = stage::Publish::new(output.writer, output.name, list_tap, copies);
+        let publish = stage::Publish::new(output.writer, output.name, list_tap, list_copies);
         graph.spawn(publish_metrics, publish, filtered_out, Nowhere)?;
         graph.spawn(filter_metrics, stage::Filter(filter), lists_out, filtered_in)?;
-        graph.spawn(light_metrics, stage::Light::new(extractor, map_tap), maps_out, lists_in)?;
+        graph.spawn(light_metrics, stage::Light::new(extractor, map_taps), maps_out, lists_in)?;
         let calibrate = stage::Calibrate::new(frame_to_polar, response, &calibrate_metrics);
         graph.spawn(calibrate_metrics, calibrate, frames_out, maps_in)?;
         let source = stage::Source::new(sequence, &clock);
@@ -145,6 +145,15 @@ impl Service {
     pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
         self.graph.join(interval, watch)
     }
+}
+
+/// Who else gets what a service makes.
+#[derive(Default)]
+pub struct Copies {
+    /// All lists, for a renderer, say; [`list_link`] makes such a link.
+    pub lists: Option<link::Sender<LightList>>,
+    /// All maps that lights are made of, for a view of them. A link that is not `latest` holds up the service.
+    pub maps: Option<link::Sender<PolarMap>>,
 }
 
 /// A link for copies of the lists that a service publishes: a live service never waits for its reader, who gets the

@@ -5,16 +5,16 @@ use crate::light::{Extractor, LightList};
 use crate::rt::link::{Closed, Sender};
 use crate::rt::stage::{Flow, Stage};
 
-/// Turns a map into lights. Copies of some maps may go to a picture stage.
+/// Turns a map into lights. Copies of some maps may go to others.
 pub struct Light {
     extractor: Extractor,
-    tap: Option<MapTap>,
+    taps: Vec<MapTap>,
 }
 
 impl Light {
-    /// Lights by `extractor`; maps to `tap`.
-    pub fn new(extractor: Extractor, tap: Option<MapTap>) -> Self {
-        Self { extractor, tap }
+    /// Lights by `extractor`; maps to all `taps`.
+    pub fn new(extractor: Extractor, taps: Vec<MapTap>) -> Self {
+        Self { extractor, taps }
     }
 }
 
@@ -24,17 +24,13 @@ impl Stage for Light {
 
     fn step(&mut self, map: &PolarMap, list: &mut LightList) -> Result<Flow> {
         self.extractor.step(map, list);
-        if let Some(tap) = &mut self.tap
-            && tap.offer(map).is_err()
-        {
-            // The picture stage has ended; if it failed, the supervisor knows.
-            self.tap = None;
-        }
+        // A reader that has ended gets no more; if it failed, the supervisor knows.
+        self.taps.retain_mut(|tap| tap.offer(map).is_ok());
         Ok(Flow::Send)
     }
 }
 
-/// Sends copies of some maps to a picture stage: the first of every block of so many sequence numbers.
+/// Sends copies of some maps, to a picture stage or a window: the first of every block of so many sequence numbers.
 pub struct MapTap {
     maps: Sender<PolarMap>,
     due: Due,

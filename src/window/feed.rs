@@ -1,3 +1,4 @@
+use crate::image::PolarMap;
 use crate::light::{Light, LightList};
 use crate::rt::Metrics;
 use crate::rt::link::Receiver;
@@ -8,13 +9,22 @@ use std::time::{Duration, Instant};
 pub enum Source {
     /// Lights that stand still.
     Still(Vec<Light>),
-    /// Lists that arrive through a `latest` link, and what counts those that are shown and those that are skipped.
-    Live(Receiver<LightList>, Arc<Metrics>),
+    /// Lists that arrive through a `latest` link.
+    Live {
+        /// The lists.
+        lists: Receiver<LightList>,
+        /// The maps that lights are made of, where they are known, through a `latest` link too. The filter delays
+        /// lights, so that the newest map is a few frames ahead of the newest list.
+        maps: Option<Receiver<PolarMap>>,
+        /// Counts the lists that are shown and those that are skipped.
+        metrics: Arc<Metrics>,
+    },
 }
 
 /// The list that is shown.
 pub(super) struct Feed {
     lists: Option<Receiver<LightList>>,
+    maps: Option<Receiver<PolarMap>>,
     metrics: Option<Arc<Metrics>>,
     list: LightList,
     arrived: Option<Instant>,
@@ -23,14 +33,14 @@ pub(super) struct Feed {
 impl Feed {
     pub fn new(source: Source) -> Self {
         let mut list = LightList::default();
-        let (lists, metrics) = match source {
+        let (lists, maps, metrics) = match source {
             Source::Still(lights) => {
                 list.lights = lights;
-                (None, None)
+                (None, None, None)
             }
-            Source::Live(lists, metrics) => (Some(lists), Some(metrics)),
+            Source::Live { lists, maps, metrics } => (Some(lists), maps, Some(metrics)),
         };
-        Self { lists, metrics, list, arrived: None }
+        Self { lists, maps, metrics, list, arrived: None }
     }
 
     /// Takes the list that waits, if there is one; returns whether there was.
@@ -52,6 +62,15 @@ impl Feed {
             self.lists = None;
         }
         false
+    }
+
+    /// Hands the map that waits, if there is one, to `show`.
+    pub fn poll_map(&mut self, show: impl FnOnce(&PolarMap)) {
+        if let Some(maps) = &mut self.maps
+            && let Ok(Some(map)) = maps.try_receive()
+        {
+            show(&map);
+        }
     }
 
     /// What is shown.
@@ -91,6 +110,7 @@ impl Feed {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::PolarShape;
     use crate::rt::{Shutdown, link};
 
     #[test]
@@ -98,7 +118,7 @@ mod tests {
         let shutdown = Shutdown::new();
         let (mut sender, receiver) = link::latest(&shutdown, LightList::default);
         let metrics = Metrics::new("window");
-        let mut feed = Feed::new(Source::Live(receiver, metrics.clone()));
+        let mut feed = Feed::new(Source::Live { lists: receiver, maps: None, metrics: metrics.clone() });
         let now = Instant::now();
         assert!(!feed.poll(now) && !feed.is_ready() && feed.state(now).is_none());
         for sequence in 0..5 {
@@ -111,6 +131,26 @@ mod tests {
         assert_eq!(feed.state(now), Some((4, Duration::ZERO, 4)));
         assert!(!feed.poll(now) && feed.has_ended() && feed.is_ready());
         assert_eq!((feed.list().stamp.sequence, metrics.frames.get()), (4, 1));
+    }
+
+    #[test]
+    fn the_newest_map_is_shown_once() {
+        let shutdown = Shutdown::new();
+        let (_lists, lists) = link::latest(&shutdown, LightList::default);
+        let (mut sender, maps) = link::latest(&shutdown, || PolarMap::black(PolarShape::hemisphere(4, 1)));
+        let mut feed = Feed::new(Source::Live { lists, maps: Some(maps), metrics: Metrics::new("window") });
+        let mut seen = Vec::new();
+        feed.poll_map(|map| seen.push(map.stamp.sequence));
+        for sequence in 1..4 {
+            let mut map = sender.take().unwrap();
+            map.stamp.sequence = sequence;
+            sender.send(map).unwrap();
+        }
+        drop(sender);
+        for _ in 0..3 {
+            feed.poll_map(|map| seen.push(map.stamp.sequence));
+        }
+        assert_eq!(seen, [3]);
     }
 
     #[test]

@@ -60,6 +60,14 @@ impl Inset {
         self.shown = None;
     }
 
+    /// Shows another map from the next [`Self::update`] on. Its shape must be that of the map before.
+    pub fn set_map(&mut self, map: &PolarMap) {
+        self.map.pixels.clone_from(&map.pixels);
+        if let Some(background) = &mut self.background {
+            *background = MapBackground::new(&self.map, background.width());
+        }
+    }
+
     /// Draws other lights on the map.
     pub fn update(&mut self, gpu: &Gpu, lights: &[Light]) {
         let Some(background) = &self.background else { return };

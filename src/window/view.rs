@@ -242,6 +242,7 @@ impl View {
             self.changed = start;
         }
         if self.has_new_list || !self.has_drawn {
+            self.feed.poll_map(|map| self.inset.set_map(map));
             self.inset.update(self.renderer.gpu(), &self.feed.list().lights);
         }
         // What the budget has taken from a picture that moved comes back when it stands still.

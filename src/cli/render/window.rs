@@ -11,7 +11,7 @@ use crate::light::{LightList, ListFile};
 use crate::render::budget::BudgetOptions;
 use crate::rt::link::{self, Sender};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
-use crate::service::{Output, Service};
+use crate::service::{Copies, Output, Service};
 use crate::window::{Display, Settings, Source};
 use std::ffi::OsStr;
 use std::io::{self, Write as _};
@@ -89,7 +89,7 @@ fn show_lists(arguments: &Arguments, display: Display, closing: &Shutdown) -> Re
     let end = reading.clone();
     threads.spawn("lists", move || play(file, list, sender, &end))?;
     let metrics = Metrics::new("window");
-    let source = Source::Live(lists, metrics.clone());
+    let source = Source::Live { lists, maps: None, metrics: metrics.clone() };
     let shown = show(arguments, display, source, scene, PolarMap::black(shape), closing);
     reading.request();
     let read = threads.join(Duration::from_millis(100), || ());
@@ -130,11 +130,13 @@ fn show_sequence(arguments: &Arguments, display: Display, closing: &Shutdown) ->
     let scene = scene(arguments)?;
     // The service's own: when its sequence ends, the window stays.
     let serving = Shutdown::new();
-    let (copies, lists) = link::latest(&serving, LightList::default);
+    let (lists_in, lists) = link::latest(&serving, LightList::default);
+    let (maps_in, maps) = link::latest(&serving, || PolarMap::black(config.map));
+    let copies = Copies { lists: Some(lists_in), maps: Some(maps_in) };
     let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, None, Some(copies), &serving)?;
+    let service = Service::start(&config, nowhere, None, copies, &serving)?;
     let metrics = Metrics::new("window");
-    let source = Source::Live(lists, metrics.clone());
+    let source = Source::Live { lists, maps: Some(maps), metrics: metrics.clone() };
     let shown = show(arguments, display, source, scene, PolarMap::black(config.map), closing);
     serving.request();
     let summary = service.summary().with(metrics);
