@@ -198,11 +198,16 @@ fn samples(arguments: &Arguments) -> u32 {
 
 fn scene(arguments: &Arguments) -> Result<Scene> {
     let Some(path) = &arguments.scene else { return Ok(Scene::built_in()) };
+    load_scene(path, arguments.ground)
+}
+
+/// A scene file, with warnings of what it has that is not shown.
+pub(super) fn load_scene(path: &Path, on_ground: bool) -> Result<Scene> {
     let mut scene = Scene::load(path)?;
     for note in &scene.notes {
         tracing::warn!("{}: {note}", path.display());
     }
-    if arguments.ground {
+    if on_ground {
         scene.add_ground();
     }
     Ok(scene)

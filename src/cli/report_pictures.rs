@@ -1,5 +1,6 @@
 use super::messages::PROGRESS;
 use super::panorama::read_panorama;
+use super::render::load_scene;
 use super::report::print;
 use super::resolution::Resolution;
 use crate::error::{Error, Result};
@@ -64,7 +65,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         maps.iter().map(|path| Ok((name(path), read_panorama(path, shape)?))).collect::<Result<Vec<_>>>()?;
     let mut models = vec![("built-in scene".to_owned(), Scene::built_in())];
     for path in scenes {
-        models.push((name(path), on_ground(path)?));
+        models.push((name(path), load_scene(path, true)?));
     }
 
     let style =
@@ -110,15 +111,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-fn name(path: &Path) -> String {
+/// A file as tables call it.
+pub(super) fn name(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-}
-
-fn on_ground(path: &Path) -> Result<Scene> {
-    let mut scene = Scene::load(path)?;
-    for note in &scene.notes {
-        tracing::warn!("{}: {note}", path.display());
-    }
-    scene.add_ground();
-    Ok(scene)
 }

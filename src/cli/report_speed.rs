@@ -1,6 +1,7 @@
 use super::messages::PROGRESS;
 use super::panorama::read_panorama;
 use super::report::print;
+use super::report_pictures::name;
 use crate::error::Result;
 use crate::gpu::{Backend, Gpu};
 use crate::report::frame_time::heading;
@@ -30,8 +31,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let mut maps = Vec::new();
     for path in &arguments.maps {
-        let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        maps.push((name, read_panorama(path, cases::SHAPE)?));
+        maps.push((name(path), read_panorama(path, cases::SHAPE)?));
     }
     if maps.is_empty() {
         maps.push(("a made-up map".to_owned(), cases::made_up_map()));

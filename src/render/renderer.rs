@@ -335,18 +335,22 @@ impl Renderer {
 
     fn renew_bind_groups(&mut self) {
         if self.bind_groups.generations != self.buffers.generations() {
-            self.bind_groups = BindGroups::new(
-                &self.gpu,
-                &self.buffers,
-                &self.geometry,
-                &self.high,
-                &self.low,
-                &self.region_pass,
-                &self.shadow_pass,
-                &self.surface_pass,
-                &self.shade_pass,
-            );
+            self.remake_bind_groups();
         }
+    }
+
+    fn remake_bind_groups(&mut self) {
+        self.bind_groups = BindGroups::new(
+            &self.gpu,
+            &self.buffers,
+            &self.geometry,
+            &self.high,
+            &self.low,
+            &self.region_pass,
+            &self.shadow_pass,
+            &self.surface_pass,
+            &self.shade_pass,
+        );
     }
 }
 

@@ -47,13 +47,6 @@ pub fn mean_flip(reference: &[[f32; 4]], test: &[[f32; 4]], width: usize) -> f64
     if count == 0 { 0.0 } else { sum / count as f64 }
 }
 
-/// Geometric mean of values >= 0: 0 where one of them is, and for none.
-pub fn geometric_mean(values: impl IntoIterator<Item = f64>) -> f64 {
-    let (sum, count) =
-        values.into_iter().fold((0.0, 0u64), |(sum, count), value| (sum + value.ln(), count + 1));
-    if count == 0 { 0.0 } else { (sum / count as f64).exp() }
-}
-
 /// The middle one, of an even number the upper of the two middle ones; `None` for none.
 pub fn median<T: Ord + Copy>(values: &mut [T]) -> Option<T> {
     values.sort_unstable();
@@ -63,6 +56,7 @@ pub fn median<T: Ord + Copy>(values: &mut [T]) -> Option<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::stills::geometric_mean;
 
     fn grey(value: f32) -> [f32; 4] {
         [value, value, value, 1.0]

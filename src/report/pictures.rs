@@ -1,7 +1,8 @@
 //! Error of pictures against the number of lights, as figure 6 of Havran et al. 2005 shows it, with numbers.
 
 use super::frame_time::Timed;
-use super::picture_error::{geometric_mean, mean_flip, relative_rms};
+use super::picture_error::{mean_flip, relative_rms};
+use super::stills::geometric_mean;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::image::PolarMap;

@@ -122,9 +122,7 @@ pub fn means(rows: &[Row]) -> Vec<(Method, usize, Errors)> {
                 .filter(|row| row.method.name == method.name && row.count == count)
                 .map(|row| row.errors)
                 .collect();
-            let mean = |pick: fn(&Errors) -> f64| {
-                (of.iter().map(|errors| pick(errors).ln()).sum::<f64>() / of.len() as f64).exp()
-            };
+            let mean = |pick: fn(&Errors) -> f64| geometric_mean(of.iter().map(pick));
             if !of.is_empty() {
                 let errors = Errors {
                     irradiance: mean(|e| e.irradiance),
@@ -158,6 +156,13 @@ pub fn lines(name: &str, rows: &[Row]) -> Vec<String> {
         )
     }));
     lines
+}
+
+/// Geometric mean of values >= 0: 0 where one of them is, and for none.
+pub fn geometric_mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) =
+        values.into_iter().fold((0.0, 0u64), |(sum, count), value| (sum + value.ln(), count + 1));
+    if count == 0 { 0.0 } else { (sum / count as f64).exp() }
 }
 
 /// Lines for the geometric means over maps, header first, the published figures in brackets where the maps are the

@@ -149,24 +149,23 @@ impl<T: Item> Receiver<T> {
                 recv(self.shutdown.aborted()) -> _ => return None,
             },
         };
-        let Envelope { item, overwritten } = envelope;
-        Some(Received { item: Some(item), overwritten, home: Some(&self.empty) })
+        Some(self.received(envelope))
     }
-}
 
-impl<T: Item> Receiver<T> {
     /// The next item if one is there, without a wait.
     ///
     /// # Errors
     /// [`Closed`] when the writer has gone and everything was read.
     pub fn try_receive(&mut self) -> Result<Option<Received<'_, T>>, Closed> {
         match self.full.try_recv() {
-            Ok(Envelope { item, overwritten }) => {
-                Ok(Some(Received { item: Some(item), overwritten, home: Some(&self.empty) }))
-            }
+            Ok(envelope) => Ok(Some(self.received(envelope))),
             Err(TryRecvError::Empty) => Ok(None),
             Err(TryRecvError::Disconnected) => Err(Closed),
         }
+    }
+
+    fn received(&self, Envelope { item, overwritten }: Envelope<T>) -> Received<'_, T> {
+        Received { item: Some(item), overwritten, home: Some(&self.empty) }
     }
 }
 

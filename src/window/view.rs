@@ -63,6 +63,8 @@ pub(super) struct View {
     time_s: f64,
     is_frozen: bool,
     shows_inset: bool,
+    /// Whether the inset shows other lights than the picture.
+    is_inset_old: bool,
     shows_timings: bool,
     has_new_list: bool,
     has_moved: bool,
@@ -124,6 +126,7 @@ impl View {
             time_s,
             is_frozen: false,
             shows_inset: true,
+            is_inset_old: true,
             shows_timings: true,
             has_new_list: false,
             has_moved: true,
@@ -152,7 +155,7 @@ impl View {
         }
         self.screen.configure(self.renderer.gpu(), size);
         self.inset.resize(size);
-        self.inset.update(self.renderer.gpu(), &self.feed.list().lights);
+        self.is_inset_old = true;
         self.has_moved = true;
         self.renderer.gpu().check()
     }
@@ -241,7 +244,9 @@ impl View {
         if has_changed {
             self.changed = start;
         }
-        if self.has_new_list || !self.has_drawn {
+        self.is_inset_old |= self.has_new_list;
+        if self.shows_inset && self.is_inset_old {
+            self.is_inset_old = false;
             self.feed.poll_map(|map| self.inset.set_map(map));
             self.inset.update(self.renderer.gpu(), &self.feed.list().lights);
         }

@@ -1,7 +1,7 @@
 //! What a live view needs beyond [`Renderer::draw`]: a quality that changes from frame to frame, a picture that gets
 //! better while nothing moves, and a size that follows the window.
 
-use super::{Before, BindGroups, Renderer, picture};
+use super::{Before, Renderer, picture};
 use crate::error::Result;
 use crate::gpu::Array;
 use crate::render::Options;
@@ -53,17 +53,7 @@ impl Renderer {
         self.buffers.radiance = Array::new(gpu, "radiance", usage, options.pixels());
         self.tone_pass = TonePass::new(gpu, &self.buffers.radiance, size, format);
         self.picture = picture(gpu, size, format);
-        self.bind_groups = BindGroups::new(
-            gpu,
-            &self.buffers,
-            &self.geometry,
-            &self.high,
-            &self.low,
-            &self.region_pass,
-            &self.shadow_pass,
-            &self.surface_pass,
-            &self.shade_pass,
-        );
+        self.remake_bind_groups();
         self.gpu.check()
     }
 }
