@@ -137,6 +137,7 @@ impl Stage for Camera {
             width: 640,
             height: 480,
             channels: 1,
+            bayer: None,
             pixels: Pixels::Codes((0..640 * 480).map(code).collect()),
         };
         Ok(Flow::Send)

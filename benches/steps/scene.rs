@@ -65,7 +65,14 @@ pub fn raw_frame(lens: &Lens, response: &Response, time: u64) -> Frame {
         });
         response.encode(value)
     });
-    Frame { stamp: stamp(time), width, height, channels: 1, pixels: Pixels::Codes(codes.collect()) }
+    Frame {
+        stamp: stamp(time),
+        width,
+        height,
+        channels: 1,
+        bayer: None,
+        pixels: Pixels::Codes(codes.collect()),
+    }
 }
 
 /// Reads every word once, eight sums side by side: what memory gives.

@@ -86,6 +86,7 @@ pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
 }
 
 fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
+    frame.bayer = None;
     let open = || -> std::io::Result<(BufReader<File>, u64)> {
         let file = File::open(path)?;
         let bytes = file.metadata()?.len();

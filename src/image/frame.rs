@@ -22,7 +22,34 @@ pub enum Pixels {
     Radiance(Vec<f32>),
 }
 
-/// One picture from a source: 1 channel (luminance) or 3 (linear RGB).
+/// Which colour the pixels of a mosaic sensor (Bayer, US patent 3971065) see: the first two letters are those of the
+/// first row from the left, the last two those of the second row; all others repeat these.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub enum Bayer {
+    /// Red and green above green and blue.
+    Rggb,
+    /// Green and red above blue and green.
+    Grbg,
+    /// Green and blue above red and green.
+    Gbrg,
+    /// Blue and green above green and red.
+    Bggr,
+}
+
+impl Bayer {
+    /// Channel (0 red, 1 green, 2 blue) of the four pixels of a period, row by row.
+    pub fn channels(self) -> [usize; 4] {
+        match self {
+            Self::Rggb => [0, 1, 1, 2],
+            Self::Grbg => [1, 0, 2, 1],
+            Self::Gbrg => [1, 2, 0, 1],
+            Self::Bggr => [2, 1, 1, 0],
+        }
+    }
+}
+
+/// One picture from a source: 1 channel (luminance, or a mosaic of colours) or 3 (linear RGB).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Time and place in the sequence.
@@ -33,6 +60,8 @@ pub struct Frame {
     pub height: usize,
     /// 1 or 3.
     pub channels: usize,
+    /// Colours of the pixels of a mosaic sensor, whose frames have 1 channel; `None` for all others.
+    pub bayer: Option<Bayer>,
     /// `width * height * channels` samples.
     pub pixels: Pixels,
 }
@@ -40,6 +69,13 @@ pub struct Frame {
 impl Default for Frame {
     /// An empty frame to read into.
     fn default() -> Self {
-        Self { stamp: Stamp::default(), width: 0, height: 0, channels: 1, pixels: Pixels::Codes(Vec::new()) }
+        Self {
+            stamp: Stamp::default(),
+            width: 0,
+            height: 0,
+            channels: 1,
+            bayer: None,
+            pixels: Pixels::Codes(Vec::new()),
+        }
     }
 }

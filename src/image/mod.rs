@@ -11,7 +11,7 @@ mod radiance;
 pub(crate) mod test_data;
 
 pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, lat_long_note, read};
-pub use frame::{Frame, Pixels, Stamp};
+pub use frame::{Bayer, Frame, Pixels, Stamp};
 pub use open_exr::write_exr;
 pub use png::{write_png8, write_png16};
 pub use polar_map::{PolarMap, PolarShape};

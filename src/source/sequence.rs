@@ -13,7 +13,7 @@ mod tests;
 
 use super::{Next, Source, pattern};
 use crate::error::{Error, Result};
-use crate::image::{Attributes, Frame, LatLongCentres, Pixels, read};
+use crate::image::{Attributes, Bayer, Frame, LatLongCentres, Pixels, read};
 use std::path::{Path, PathBuf};
 
 /// Which files to play, and how fast they were taken.
@@ -41,6 +41,8 @@ pub struct FrameFormat {
     pub height: usize,
     /// 1 (luminance) or 3 (RGB).
     pub channels: usize,
+    /// Colours of a mosaic sensor's pixels.
+    pub bayer: Option<Bayer>,
     /// Whether the samples are raw sensor codes and not radiance.
     pub is_codes: bool,
     /// Where the pixel centres lie if the pictures are lat-long maps.
@@ -55,6 +57,7 @@ impl FrameFormat {
             width: frame.width,
             height: frame.height,
             channels: frame.channels,
+            bayer: frame.bayer,
             is_codes: matches!(frame.pixels, Pixels::Codes(_)),
             latlong_centres: attributes.latlong_centres,
             frame_rate_hz,
@@ -67,7 +70,8 @@ impl FrameFormat {
             LatLongCentres::Half => "",
             LatLongCentres::Ends => ", lat-long attribute",
         };
-        format!("{} x {} x {} {samples}{centres}", self.width, self.height, self.channels)
+        let bayer = self.bayer.map(|bayer| format!(" ({bayer:?})")).unwrap_or_default();
+        format!("{} x {} x {}{bayer} {samples}{centres}", self.width, self.height, self.channels)
     }
 }
 

@@ -203,6 +203,7 @@ fn sensor_codes_play_and_pictures_for_people_do_not() {
         width: 2,
         height: 1,
         channels: 1,
+        bayer: None,
         is_codes: true,
         latlong_centres: LatLongCentres::Half,
         frame_rate_hz: 1000.0,

@@ -274,20 +274,13 @@ fn hot_pixels(map: &PolarMap) -> Vec<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Stamp;
     use crate::math::direction;
 
     /// 40 x 20 pixels of 1 with a bright one in file column 15 (phi column 5), row 6.
     fn frame() -> Frame {
         let mut samples = vec![1.0f32; 40 * 20];
         samples[6 * 40 + 15] = 5000.0;
-        Frame {
-            stamp: Stamp::default(),
-            width: 40,
-            height: 20,
-            channels: 1,
-            pixels: Pixels::Radiance(samples),
-        }
+        Frame { width: 40, height: 20, pixels: Pixels::Radiance(samples), ..Frame::default() }
     }
 
     fn options(text: &str) -> PanoramaOptions {
