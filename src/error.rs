@@ -15,6 +15,8 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 pub enum Kind {
     /// One frame cannot be used: count it and go on with the next.
     BadFrame,
+    /// A device does not answer or has gone: try again later.
+    LostDevice,
     /// The command line, a configuration or a calibration is wrong: exit code 2.
     Usage,
     /// Anything else: stop, exit code 1.
@@ -32,6 +34,11 @@ impl Error {
     /// A frame that cannot be used; `message` names file and frame.
     pub fn bad_frame(message: impl Into<String>) -> Self {
         Self { kind: Kind::BadFrame, message: message.into(), source: None }
+    }
+
+    /// A device that does not answer or has gone; `message` names it.
+    pub fn lost_device(message: impl Into<String>) -> Self {
+        Self { kind: Kind::LostDevice, message: message.into(), source: None }
     }
 
     /// A mistake in a command line, configuration or calibration; `message` names file, line or key.

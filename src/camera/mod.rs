@@ -7,6 +7,7 @@ mod band_kernels;
 mod calibration;
 mod chart;
 mod document;
+mod exposure_merge;
 mod footprints;
 mod frame_to_polar;
 mod kalibr_file;
@@ -24,6 +25,7 @@ mod energy_tests;
 mod hard_case_tests;
 
 pub use calibration::Calibration;
+pub use exposure_merge::{ExposureMerge, MergeCounts, SensorNoise};
 pub use frame_to_polar::FrameToPolar;
 pub use lens::{Lens, LensParameters};
 pub use pixel_counts::PixelCounts;

@@ -1,8 +1,11 @@
 //! The command line: one file per subcommand.
 
+#[cfg(feature = "camera")]
+mod devices;
 mod lights;
 mod messages;
 mod panorama;
+mod record;
 #[cfg(feature = "render")]
 mod render;
 mod report;
@@ -33,6 +36,9 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::Arguments),
+    Record(record::Arguments),
+    #[cfg(feature = "camera")]
+    Devices(devices::Arguments),
     Lights(lights::Arguments),
     #[cfg(feature = "render")]
     Render(render::Arguments),
@@ -50,6 +56,9 @@ pub fn main() -> ExitCode {
     messages::start();
     let outcome = match &command {
         Command::Run(arguments) => run::run(arguments),
+        Command::Record(arguments) => record::run(arguments),
+        #[cfg(feature = "camera")]
+        Command::Devices(arguments) => devices::run(arguments),
         Command::Lights(arguments) => lights::run(arguments),
         #[cfg(feature = "render")]
         Command::Render(arguments) => render::run(arguments),

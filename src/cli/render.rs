@@ -306,9 +306,9 @@ fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
     let camera = camera(arguments, &renderer)?;
     let render = numbered(arguments, renderer, camera, folder)?;
     let (lists_in, lists) = list_link(&config, &shutdown);
-    let copies = Copies { lists: Some(lists_in), maps: None };
+    let copies = Copies { lists: Some(lists_in), ..Copies::default() };
     let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, None, copies, &shutdown)?;
+    let service = Service::start(&config, nowhere, copies, &shutdown)?;
     let bar = PROGRESS.add(bar("lists", service.frame_count()));
     let metrics = Metrics::new("render");
     let progress = bar.clone();

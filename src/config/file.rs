@@ -1,11 +1,11 @@
 //! The keys of a configuration file as they are written, and their way into [`Config`].
 
-use super::{CameraOptions, Config, Links, Pace, ProjectionKind};
+use super::source::SourceKeys;
+use super::{CameraOptions, Config, ProjectionKind};
 use crate::camera::{Response, ResponseModel};
 use crate::error::{Error, Result, TomlText};
 use crate::image::PolarShape;
 use crate::light;
-use crate::source::SequenceOptions;
 use crate::temporal::FilterOptions;
 use glam::{DMat3, DVec3};
 use serde::de::Error as _;
@@ -36,31 +36,6 @@ struct File {
     lights: light::Options,
     #[serde(default)]
     filter: FilterOptions,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum SourceKind {
-    Sequence,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SourceKeys {
-    /// There is one kind so far; it is written down so that a file keeps its meaning when there are more.
-    #[serde(rename = "kind")]
-    _kind: SourceKind,
-    path: PathBuf,
-    #[serde(default, deserialize_with = "frame_rate")]
-    frame_rate_hz: Option<f64>,
-    first: Option<u64>,
-    last: Option<u64>,
-    #[serde(default)]
-    repeat: bool,
-    #[serde(default)]
-    pace: Pace,
-    #[serde(default)]
-    links: Links,
 }
 
 #[derive(Default, Deserialize)]
@@ -97,23 +72,12 @@ impl Default for MapKeys {
 pub(super) fn parse(origin: TomlText) -> Result<Config> {
     let File { source, camera, map, lights, filter } = origin.parse()?;
     let folder = origin.path.parent().unwrap_or(Path::new("")).to_owned();
-    if let (Some(first), Some(last)) = (source.first, source.last)
-        && first > last
-    {
-        let error = Error::usage(format!("last = {last}: must not be before first = {first}"));
-        return Err(origin.locate("source", error));
-    }
+    let (source, pace, links) = source.check(&folder).map_err(|error| origin.locate("source", error))?;
     let camera = camera.check(&folder).map_err(|error| origin.locate("camera", error))?;
     Ok(Config {
-        source: SequenceOptions {
-            path: folder.join(source.path),
-            frame_rate_hz: source.frame_rate_hz,
-            first: source.first,
-            last: source.last,
-            repeat: source.repeat,
-        },
-        pace: source.pace,
-        links: source.links,
+        source,
+        pace,
+        links,
         camera,
         map: PolarShape {
             columns: map.columns,
@@ -156,15 +120,6 @@ impl CameraKeys {
             world_from_camera,
         })
     }
-}
-
-fn frame_rate<'de, D: Deserializer<'de>>(value: D) -> Result<Option<f64>, D::Error> {
-    let rate_hz = f64::deserialize(value)?;
-    // 1e9 Hz would be one frame a nanosecond, the unit of capture times.
-    if !(rate_hz > 0.0 && rate_hz < 1e9) {
-        return Err(D::Error::custom(format!("a frame rate is above 0 and below 1e9 Hz, not {rate_hz}")));
-    }
-    Ok(Some(rate_hz))
 }
 
 fn map_side<'de, D: Deserializer<'de>>(value: D) -> Result<usize, D::Error> {
@@ -210,6 +165,7 @@ fn rotation<'de, D: Deserializer<'de>>(value: D) -> Result<Option<DMat3>, D::Err
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Links, Pace, Source};
     use super::*;
 
     const SOURCE: &str = "[source]\nkind = \"sequence\"\npath = \"sky/\"\n";
@@ -221,7 +177,8 @@ mod tests {
     #[test]
     fn a_source_suffices_and_paths_are_relative_to_the_file() {
         let config = parse_with("").unwrap();
-        assert_eq!(config.source.path, Path::new("conf/sky/"));
+        let Source::Sequence(source) = config.source else { panic!("{:?}", config.source) };
+        assert_eq!(source.path, Path::new("conf/sky/"));
         assert_eq!((config.pace, config.links), (Pace::RealTime, Links::Replay));
         assert_eq!(config.map, PolarShape::hemisphere(360, 90));
         assert_eq!((config.lights, config.filter), (light::Options::default(), FilterOptions::default()));
@@ -229,6 +186,30 @@ mod tests {
         let absolute =
             parse_with("[camera]\nprojection = \"fisheye\"\ncalibration = \"/lens.json\"").unwrap();
         assert_eq!(absolute.camera.calibration.as_deref(), Some(Path::new("/lens.json")));
+    }
+
+    #[cfg(feature = "camera")]
+    #[test]
+    fn a_camera_is_live_and_its_controls_have_names() {
+        use crate::source::v4l2::{ControlValue, V4l2Options};
+        let text = "[source]\nkind = \"camera\"\ndevice = \"cam\"\nformat = \"Y12\"\nsize = [1280, 720]\n\
+                    controls = { exposure = 5, automatic = false, mode = \"Manual Mode\" }";
+        let config = parse(TomlText { path: "a.toml".into(), text: text.into() }).unwrap();
+        let Source::Camera(source, None) = config.source else { panic!("{:?}", config.source) };
+        assert_eq!((config.pace, config.links), (Pace::RealTime, Links::Live));
+        let controls = [
+            ("exposure", ControlValue::Number(5)),
+            ("automatic", ControlValue::Switch(false)),
+            ("mode", ControlValue::Item("Manual Mode".into())),
+        ];
+        let expected = V4l2Options {
+            device: "cam".into(),
+            format: Some("Y12".into()),
+            size: Some([1280, 720]),
+            controls: controls.map(|(name, value)| (name.to_owned(), value)).into(),
+            ..V4l2Options::default()
+        };
+        assert_eq!(source, expected);
     }
 
     #[test]
@@ -257,6 +238,8 @@ mod tests {
                 "line 4 (`pace = \"slow\"`): unknown variant `slow`, expected `real-time` or `fast`",
             ),
             ("repeat = maybe", "line 4 (`repeat = maybe`): "),
+            #[cfg(feature = "camera")]
+            ("device = \"cam\"", "line 4: device = ...: is no key of kind = \"sequence\""),
             ("first = 9\nlast = 8", "line 5: last = 8: must not be before first = 9"),
             ("[camera]\nprojection = \"fisheye\"", "line 5: projection = \"fisheye\": needs the lens"),
             (
@@ -279,6 +262,18 @@ mod tests {
             let error = parse_with(rest).unwrap_err();
             assert_eq!(error.kind(), crate::error::Kind::Usage);
             assert!(error.to_string().contains(expected), "{rest}\n  gave {error}\n  not {expected}");
+        }
+        #[cfg(feature = "camera")]
+        for (rest, expected) in [
+            ("", "missing field `device`"),
+            ("device = \"cam\"\npath = \"sky/\"", "path = ...: is no key of kind = \"camera\""),
+            ("device = \"cam\"\nbuffers = 1", "buffers = 1: the driver needs 2 to 32"),
+            ("device = \"cam\"\nsize = [0, 480]", "columns and rows must be above 0"),
+            ("device = \"cam\"\nframe_rate_hz = -1", "a frame rate is above 0"),
+        ] {
+            let text = format!("[source]\nkind = \"camera\"\n{rest}");
+            let error = parse(TomlText { path: "a.toml".into(), text }).unwrap_err().to_string();
+            assert!(error.contains(expected), "{rest}\n  gave {error}\n  not {expected}");
         }
         let error =
             parse(TomlText { path: "a.toml".into(), text: "[map]\nrows = 9".to_owned() }).unwrap_err();

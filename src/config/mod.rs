@@ -4,12 +4,15 @@
 //! with file, line and key, and paths in the file are relative to its folder.
 
 mod file;
+mod source;
 
 use crate::camera::Response;
 use crate::error::{Error, Result, TomlText};
 use crate::image::PolarShape;
 use crate::light;
 use crate::source::SequenceOptions;
+#[cfg(feature = "camera")]
+use crate::source::{BracketOptions, v4l2::V4l2Options};
 use crate::temporal::FilterOptions;
 use glam::DMat3;
 use serde::Deserialize;
@@ -19,7 +22,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// Where the frames come from.
-    pub source: SequenceOptions,
+    pub source: Source,
     /// How fast they come.
     pub pace: Pace,
     /// What happens when a stage is slower than they come.
@@ -33,6 +36,16 @@ pub struct Config {
     /// How they are filtered.
     pub filter: FilterOptions,
     origin: TomlText,
+}
+
+/// Where frames come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Source {
+    /// Numbered files.
+    Sequence(SequenceOptions),
+    /// A live camera, and the exposures that it goes round.
+    #[cfg(feature = "camera")]
+    Camera(V4l2Options, Option<BracketOptions>),
 }
 
 /// How fast a sequence is played.

@@ -46,12 +46,15 @@ pub struct Attributes {
     pub frame_rate_hz: Option<f64>,
     /// How the pixels lie if the picture is a lat-long map.
     pub latlong_centres: LatLongCentres,
+    /// When it was captured, by the clock of the camera; only recorded files say so.
+    pub capture_time_ns: Option<i64>,
 }
 
 /// Reads a picture into `frame`, whose buffer is reused when it fits; the stamp is left as it is.
 ///
 /// | file | becomes |
 /// |---|---|
+/// | OpenEXR of `lightcast record` | sensor codes, 1 or 3 channels, with the mosaic; or radiance |
 /// | OpenEXR, scan lines or tiles, half, float or uint | radiance, 3 channels (`R`, `G`, `B`) or 1 (`Y`) |
 /// | Radiance `.hdr`, RGBE | radiance, 3 channels, divided by all `EXPOSURE` and `COLORCORR` lines |
 /// | PNG, 16 bits, grey or RGB | sensor codes, 1 or 3 channels |
@@ -158,7 +161,10 @@ pub(super) fn with_codes<T>(frame: &mut Frame, decode: impl FnOnce(&mut Vec<u16>
 
 /// Writes a file under a temporary, hidden name and renames it when it is complete, so that nobody sees half a
 /// file and a failed write leaves the old one.
-pub(super) fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
+///
+/// # Errors
+/// Those of `write`, and `Failed` when the file cannot be written; both name it.
+pub fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
     let failed = |error: std::io::Error| Error::failed("cannot be written").because(error);

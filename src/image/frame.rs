@@ -38,6 +38,16 @@ pub enum Bayer {
 }
 
 impl Bayer {
+    /// The four letters.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rggb => "RGGB",
+            Self::Grbg => "GRBG",
+            Self::Gbrg => "GBRG",
+            Self::Bggr => "BGGR",
+        }
+    }
+
     /// Channel (0 red, 1 green, 2 blue) of the four pixels of a period, row by row.
     pub fn channels(self) -> [usize; 4] {
         match self {
@@ -64,6 +74,20 @@ pub struct Frame {
     pub bayer: Option<Bayer>,
     /// `width * height * channels` samples.
     pub pixels: Pixels,
+}
+
+impl Frame {
+    /// Becomes a copy of `other`; allocates only when it has not held as much before.
+    pub fn copy_from(&mut self, other: &Self) {
+        let Self { stamp, width, height, channels, bayer, pixels } = other;
+        (self.stamp, self.width, self.height, self.channels, self.bayer) =
+            (*stamp, *width, *height, *channels, *bayer);
+        match (&mut self.pixels, pixels) {
+            (Pixels::Codes(to), Pixels::Codes(from)) => to.clone_from(from),
+            (Pixels::Radiance(to), Pixels::Radiance(from)) => to.clone_from(from),
+            (to, from) => to.clone_from(from),
+        }
+    }
 }
 
 impl Default for Frame {

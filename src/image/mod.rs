@@ -10,9 +10,11 @@ mod radiance;
 #[cfg(test)]
 pub(crate) mod test_data;
 
-pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, lat_long_note, read};
+pub use file::{
+    Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, lat_long_note, read, replace as replace_file,
+};
 pub use frame::{Bayer, Frame, Pixels, Stamp};
-pub use open_exr::write_exr;
+pub use open_exr::{write_exr, write_recorded_exr};
 pub use png::{write_png8, write_png16};
 pub use polar_map::{PolarMap, PolarShape};
 

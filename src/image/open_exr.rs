@@ -4,19 +4,21 @@
 //! - Of a file with several parts the first with channels named exactly `R`, `G` and `B` is taken, else the first
 //!   with `Y`. Names with a layer in front (`diffuse.R`), alpha and everything else are left out.
 //! - Of mip maps and rip maps only the full resolution is read.
+//! - Files that `lightcast` recorded hold sensor codes as uint channels; the attributes of [`attribute`] say so.
 //! - Refused: deep data, luminance/chroma (`Y`, `RY`, `BY`) and other subsampled channels, cube maps.
 //!
 //! Blocks are decoded one after another in the calling thread: the parallel form of `exr` 1.74 starts a thread
 //! pool for every file, and a panic in that pool (damaged files cause some) ends the process.
 
+mod attribute;
 #[cfg(test)]
 mod tests;
 mod write;
 
-pub use write::write_exr;
+pub use write::{write_exr, write_recorded_exr};
 
-use super::file::{check_size, resize, with_radiance};
-use super::{Attributes, Frame, LatLongCentres};
+use super::file::{check_size, resize, with_codes, with_radiance};
+use super::{Attributes, Bayer, Frame, LatLongCentres};
 use crate::error::{Error, Result};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, CompressedBlock};
@@ -39,6 +41,9 @@ struct Plan {
     places: Vec<Option<usize>>,
     /// Width and height of a full block.
     block: (usize, usize),
+    /// Whether the samples are sensor codes.
+    is_codes: bool,
+    bayer: Option<Bayer>,
     attributes: Attributes,
 }
 
@@ -55,7 +60,12 @@ pub(super) fn read(mut source: impl Read + Seek, file_bytes: u64, frame: &mut Fr
             })
         })
         .map_err(damaged)?;
-    with_radiance(frame, |values| decode(&meta, &plan, chunks, values))?;
+    if plan.is_codes {
+        with_codes(frame, |codes| decode(&meta, &plan, chunks, codes))?;
+    } else {
+        with_radiance(frame, |values| decode(&meta, &plan, chunks, values))?;
+    }
+    frame.bayer = plan.bayer;
     (frame.width, frame.height, frame.channels) = (plan.width, plan.height, plan.channels);
     Ok(plan.attributes)
 }
@@ -90,6 +100,7 @@ fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
     let rate = header.own_attributes.frames_per_second;
     let frame_rate_hz = rate.map(|(count, seconds)| f64::from(count) / f64::from(seconds));
     let block = header.max_block_pixel_size();
+    let recorded = attribute::read(header, names)?;
     Ok(Plan {
         part,
         width: header.layer_size.0,
@@ -106,7 +117,10 @@ fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
             // 0/1 and 1/0 are found in the wild where a program knew no rate.
             frame_rate_hz: frame_rate_hz.filter(|rate| rate.is_finite() && *rate > 0.0),
             latlong_centres,
+            capture_time_ns: recorded.capture_time_ns,
         },
+        is_codes: recorded.is_codes,
+        bayer: recorded.bayer,
     })
 }
 
@@ -164,11 +178,39 @@ fn names(channels: &ChannelList) -> String {
     names.join(", ")
 }
 
-fn decode(
+/// What samples of a file become.
+trait Sample: Copy + Default {
+    fn from_float(value: f32) -> Self;
+    /// `None`: no such code.
+    fn from_whole(value: u32) -> Option<Self>;
+}
+
+impl Sample for f32 {
+    fn from_float(value: f32) -> Self {
+        value
+    }
+
+    fn from_whole(value: u32) -> Option<Self> {
+        Some(value as f32)
+    }
+}
+
+/// Codes are whole: [`attribute::read`] refuses other channels for them.
+impl Sample for u16 {
+    fn from_float(_: f32) -> Self {
+        0
+    }
+
+    fn from_whole(value: u32) -> Option<Self> {
+        value.try_into().ok()
+    }
+}
+
+fn decode<T: Sample>(
     meta: &MetaData,
     plan: &Plan,
     chunks: impl ExactSizeIterator<Item = exr::error::Result<Chunk>>,
-    values: &mut Vec<f32>,
+    values: &mut Vec<T>,
 ) -> Result<()> {
     let header = &meta.headers[plan.part];
     let block_columns = plan.width.div_ceil(plan.block.0);
@@ -197,13 +239,18 @@ fn decode(
             match header.channels.list[line.location.channel].sample_type {
                 SampleType::F16 => to
                     .zip(line.value.as_chunks().0)
-                    .for_each(|(to, &bytes)| *to = f16::from_ne_bytes(bytes).to_f32()),
-                SampleType::F32 => {
-                    to.zip(line.value.as_chunks().0).for_each(|(to, &bytes)| *to = f32::from_ne_bytes(bytes))
-                }
-                SampleType::U32 => to
+                    .for_each(|(to, &bytes)| *to = T::from_float(f16::from_ne_bytes(bytes).to_f32())),
+                SampleType::F32 => to
                     .zip(line.value.as_chunks().0)
-                    .for_each(|(to, &bytes)| *to = u32::from_ne_bytes(bytes) as f32),
+                    .for_each(|(to, &bytes)| *to = T::from_float(f32::from_ne_bytes(bytes))),
+                SampleType::U32 => {
+                    for (to, &bytes) in to.zip(line.value.as_chunks().0) {
+                        let value = u32::from_ne_bytes(bytes);
+                        *to = T::from_whole(value).ok_or_else(|| {
+                            Error::bad_frame(format!("holds the sensor code {value}; codes have 16 bits"))
+                        })?;
+                    }
+                }
             }
         }
     }

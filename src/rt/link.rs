@@ -1,5 +1,6 @@
 //! Links between two threads, with recycled buffers. What a link does when the reader is slow is in its name:
-//! [`latest`] overwrites and counts (live), [`bounded`] makes the writer wait and loses nothing (replay, recording).
+//! [`latest`] overwrites and counts (live), [`bounded`] makes the writer wait and loses nothing (replay); with
+//! [`Sender::try_take`] and [`Sender::try_send`] a writer into a bounded link gives up instead of waiting (recording).
 //!
 //! All buffers are made with the link: one in the writer's hand, one in the reader's, and those in between. The
 //! writer takes an empty one with [`Sender::take`], fills it and [`send`](Sender::send)s it; it goes back when the
@@ -127,6 +128,38 @@ impl<T: Item> Sender<T> {
                 envelope.overwritten += old.overwritten + 1;
                 self.spare = Some(old.item);
             }
+        }
+    }
+}
+
+impl<T: Item> Sender<T> {
+    /// An empty buffer if there is one now; `None`: the reader is behind.
+    ///
+    /// # Errors
+    /// [`Closed`].
+    pub fn try_take(&mut self) -> Result<Option<T>, Closed> {
+        if self.is_reader_gone.load(Ordering::Acquire) {
+            return Err(Closed);
+        }
+        match self.spare.take().map_or_else(|| self.empty.try_recv(), Ok) {
+            Ok(item) => Ok(Some(item)),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err(Closed),
+        }
+    }
+
+    /// Sends a filled buffer if there is room for it; false, and the buffer is kept for the next time, if not.
+    ///
+    /// # Errors
+    /// [`Closed`]; the item is then gone.
+    pub fn try_send(&mut self, item: T) -> Result<bool, Closed> {
+        match self.full.try_send(Envelope { item, overwritten: 0 }) {
+            Ok(()) => Ok(true),
+            Err(TrySendError::Full(Envelope { item, .. })) => {
+                self.spare = Some(item);
+                Ok(false)
+            }
+            Err(TrySendError::Disconnected(_)) => Err(Closed),
         }
     }
 }

@@ -21,6 +21,16 @@ pub trait Stage: Send {
     fn step(&mut self, input: &Self::Input, output: &mut Self::Output) -> Result<Flow>;
 }
 
+/// A stage that is still needed when the loop has ended.
+impl<S: Stage> Stage for &mut S {
+    type Input = S::Input;
+    type Output = S::Output;
+
+    fn step(&mut self, input: &Self::Input, output: &mut Self::Output) -> Result<Flow> {
+        (**self).step(input, output)
+    }
+}
+
 /// What is to be done with the output of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {

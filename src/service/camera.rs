@@ -5,31 +5,57 @@ use crate::image::lat_long_note;
 use crate::source::FrameFormat;
 use glam::DMat3;
 
+/// The calibration that a configuration names, with the response that goes before its own.
+///
+/// # Errors
+/// Kind `Usage` for a calibration that cannot be used.
+pub(super) fn calibration(config: &Config) -> Result<Option<Calibration>> {
+    let options = &config.camera;
+    let Some(path) = &options.calibration else { return Ok(None) };
+    let mut calibration = Calibration::load(path, options.kalibr_camera.as_deref())?;
+    if let Some(response) = &options.response {
+        calibration.response.clone_from(response);
+    }
+    Ok(Some(calibration))
+}
+
+/// What sensor codes mean, as far as a configuration says it.
+///
+/// # Errors
+/// As [`calibration`].
+pub(super) fn response(config: &Config) -> Result<Response> {
+    let own = calibration(config)?.map(|calibration| calibration.response);
+    Ok(own.or_else(|| config.camera.response.clone()).unwrap_or_default())
+}
+
 /// The way from frames of this format to polar maps, and what their samples mean.
 ///
 /// # Errors
 /// Kind `Usage` for a calibration that cannot be used or is not one of these frames: better told once at the start
 /// than by every frame.
-pub(super) fn frame_to_polar(config: &Config, format: &FrameFormat) -> Result<(FrameToPolar, Response)> {
+pub(super) fn frame_to_polar(
+    config: &Config,
+    format: &FrameFormat,
+    source: &str,
+) -> Result<(FrameToPolar, Response)> {
     let options = &config.camera;
     let FrameFormat { width, height, is_codes, latlong_centres: centres, .. } = *format;
-    let (projection, response, world_from_camera) = match (options.projection, &options.calibration) {
-        (ProjectionKind::Fisheye, Some(path)) => {
-            let calibration = Calibration::load(path, options.kalibr_camera.as_deref())?;
+    let response = response(config)?;
+    let (projection, world_from_camera) = match (options.projection, calibration(config)?) {
+        (ProjectionKind::Fisheye, Some(calibration)) => {
             for note in &calibration.notes {
-                tracing::info!("{}: {note}", path.display());
+                tracing::info!("the calibration: {note}");
             }
-            (Projection::Fisheye(calibration.lens), calibration.response, LOOKING_UP)
+            (Projection::Fisheye(calibration.lens), LOOKING_UP)
         }
         // A fisheye without a calibration was refused with the configuration.
         _ => {
             if let Some(note) = lat_long_note(width, height) {
-                tracing::warn!("{}: {note}", config.source.path.display());
+                tracing::warn!("{source}: {note}");
             }
-            (Projection::LatLong { width, height, centres }, Response::default(), DMat3::IDENTITY)
+            (Projection::LatLong { width, height, centres }, DMat3::IDENTITY)
         }
     };
-    let response = options.response.clone().unwrap_or(response);
     let misfit = if (width, height) != (projection.width(), projection.height()) {
         format!("is for frames of {} x {}", projection.width(), projection.height())
     } else if is_codes && response.is_identity() {
@@ -47,5 +73,5 @@ pub(super) fn frame_to_polar(config: &Config, format: &FrameFormat) -> Result<(F
         .map_or("a lat-long panorama".to_owned(), |path| format!("the calibration {}", path.display()));
     let samples = if is_codes { "sensor codes" } else { "radiance" };
     Err(Error::usage(format!("{calibration} {misfit}, but the frames are {width} x {height} of {samples}"))
-        .at(config.source.path.display()))
+        .at(source))
 }

@@ -1,8 +1,8 @@
 use super::Summary;
-use crate::error::Result;
-use crate::rt::stage::{self, Inlet, Outlet, Stage};
+use crate::error::{Error, Result};
+use crate::rt::stage::{self, Inlet, Nowhere, Outlet, Stage};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Stages on their threads. The first error in time ends all of them; a panic is an error.
@@ -11,11 +11,19 @@ pub(super) struct Graph {
     clock: Clock,
     shutdown: Shutdown,
     metrics: Vec<Arc<Metrics>>,
+    /// The first error of a stage beside the others.
+    aside: Arc<Mutex<Option<Error>>>,
 }
 
 impl Graph {
     pub fn new(clock: Clock, shutdown: &Shutdown) -> Self {
-        Self { threads: Threads::new(shutdown), clock, shutdown: shutdown.clone(), metrics: Vec::new() }
+        Self {
+            threads: Threads::new(shutdown),
+            clock,
+            shutdown: shutdown.clone(),
+            metrics: Vec::new(),
+            aside: Arc::default(),
+        }
     }
 
     /// Runs `stage` on a thread that is called what `metrics` are called.
@@ -37,23 +45,62 @@ impl Graph {
         })
     }
 
+    /// Runs `stage` beside the others: its end is not theirs, and its failure is told when all have ended. `finish` runs
+    /// when the stage has ended and learns whether that was without an error.
+    pub fn spawn_aside<I, S>(
+        &mut self,
+        metrics: Arc<Metrics>,
+        mut stage: S,
+        inlet: I,
+        finish: impl FnOnce(&mut S, bool) -> Result<()> + Send + 'static,
+    ) -> Result<()>
+    where
+        I: Inlet + 'static,
+        S: Stage<Input = I::Item, Output = ()> + 'static,
+    {
+        let (clock, shutdown, aside) = (self.clock.clone(), self.shutdown.clone(), self.aside.clone());
+        self.metrics.push(metrics.clone());
+        self.threads.spawn(metrics.name(), move || {
+            let name = metrics.name();
+            let outcome = stage::run(&mut stage, inlet, Nowhere, &clock, &shutdown, &metrics);
+            let finished = finish(&mut stage, outcome.is_ok());
+            if let Err(error) = outcome.and(finished) {
+                tracing::error!("{name} has ended, all else goes on: {error}");
+                aside.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            }
+            Ok(())
+        })
+    }
+
+    pub fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    pub fn shutdown(&self) -> &Shutdown {
+        &self.shutdown
+    }
+
     pub fn summary(&self) -> Summary {
         Summary::new(self.metrics.clone())
     }
 
     /// Waits for the end and calls `watch` about every `interval` meanwhile.
     pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
-        self.threads.join(interval, watch)
+        self.threads.join(interval, watch)?;
+        // Nobody else holds it: all threads have ended.
+        match self.aside.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Error;
     use crate::image::Frame;
     use crate::rt::link::{bounded, latest};
-    use crate::rt::stage::{Flow, Nowhere, Tick, Ticks};
+    use crate::rt::stage::{Flow, Tick, Ticks};
 
     struct Counts(u64);
 

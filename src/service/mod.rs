@@ -2,13 +2,17 @@
 //!
 //! ```text
 //! source ──Frame──▶ calibrate ──PolarMap──▶ light ──LightList──▶ filter ──LightList──▶ publish
-//!                                             └──PolarMap──▶ picture ◀──LightList────────┘
+//!    └──Frame──▶ record                       └──PolarMap──▶ picture ◀──LightList────────┘
 //! ```
 
 mod camera;
 mod graph;
+mod input;
+mod recorder;
 mod summary;
 
+pub use input::Input;
+pub use recorder::{RecordOptions, RecordSamples};
 pub use summary::Summary;
 
 use crate::config::{Config, Links, Pace};
@@ -16,9 +20,8 @@ use crate::error::{Error, Result};
 use crate::image::{Frame, PolarMap};
 use crate::light::{Extractor, LightList};
 use crate::rt::link::{self, Item};
-use crate::rt::stage::{Nowhere, Ticks};
-use crate::rt::{Clock, Metrics, Shutdown};
-use crate::source::Sequence;
+use crate::rt::stage::Nowhere;
+use crate::rt::{Metrics, Shutdown};
 use crate::stage;
 use crate::temporal::{LightFilter, design};
 use graph::Graph;
@@ -65,34 +68,46 @@ impl Service {
     pub fn start(
         config: &Config,
         open_output: impl FnOnce() -> Result<Output>,
-        pictures: Option<&Pictures>,
         copies: Copies,
         shutdown: &Shutdown,
     ) -> Result<Self> {
-        let sequence = Sequence::open(&config.source)?;
-        let format = sequence.format();
-        let frame_count = (!config.source.repeat).then_some(sequence.file_count() as u64);
-        let (frame_to_polar, response) = camera::frame_to_polar(config, &format)?;
+        Self::start_with(config, Input::open(config)?, open_output, copies, shutdown)
+    }
+
+    /// As [`Self::start`], with frames from `input` and not from what `config` names.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn start_with(
+        config: &Config,
+        input: Input,
+        open_output: impl FnOnce() -> Result<Output>,
+        copies: Copies,
+        shutdown: &Shutdown,
+    ) -> Result<Self> {
+        let format = *input.format();
+        let frame_count = input.frame_count();
+        let (frame_to_polar, response) = camera::frame_to_polar(config, &format, input.name())?;
         let extractor =
             Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
         let filter = LightFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
         // The filter designs its taps when it sees the first list; what no taps can do is told before.
         let taps =
             design(format.frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))?;
+        let Copies { pictures, recording, lists: list_copies, maps: map_copies } = copies;
+        let recording = match &recording {
+            Some(options) => Some(recorder::recorder(config, options, &input, shutdown)?),
+            None => None,
+        };
         let output = open_output()?;
 
-        let clock = match config.pace {
-            Pace::RealTime => Clock::real(),
-            Pace::Fast => Clock::simulated(),
-        };
-        let [source_metrics, calibrate_metrics, light_metrics, filter_metrics, publish_metrics] =
-            ["source", "calibrate", "light", "filter", "publish"].map(Metrics::new);
-        let mut graph = Graph::new(clock.clone(), shutdown);
+        let [calibrate_metrics, light_metrics, filter_metrics, publish_metrics] =
+            ["calibrate", "light", "filter", "publish"].map(Metrics::new);
+        let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
         let black = || PolarMap::black(config.map);
 
-        let Copies { lists: list_copies, maps: map_copies } = copies;
         let mut map_taps: Vec<_> = map_copies.into_iter().map(|maps| stage::MapTap::new(maps, 1)).collect();
-        let list_tap = match pictures {
+        let list_tap = match &pictures {
             None => None,
             Some(pictures) => {
                 std::fs::create_dir_all(&pictures.folder).map_err(|error| {
@@ -123,8 +138,28 @@ impl Service {
         graph.spawn(light_metrics, stage::Light::new(extractor, map_taps), maps_out, lists_in)?;
         let calibrate = stage::Calibrate::new(frame_to_polar, response, &calibrate_metrics);
         graph.spawn(calibrate_metrics, calibrate, frames_out, maps_in)?;
-        let source = stage::Source::new(sequence, &clock);
-        graph.spawn(source_metrics, source, Ticks(shutdown.clone()), frames_in)?;
+        let recorder = match recording {
+            Some((record, frames, recorder, metrics)) => {
+                recorder::spawn(&mut graph, (record, frames, metrics))?;
+                Some(recorder)
+            }
+            None => None,
+        };
+        input.spawn(&mut graph, stage::Tee::new(Some(frames_in), recorder))?;
+        Ok(Self { graph, frame_count })
+    }
+
+    /// Records what `config` names and makes no lights of it; the calibration may be missing.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn record(config: &Config, options: &RecordOptions, shutdown: &Shutdown) -> Result<Self> {
+        let input = Input::open(config)?;
+        let frame_count = input.frame_count();
+        let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
+        let (record, frames, recorder, metrics) = recorder::recorder(config, options, &input, shutdown)?;
+        recorder::spawn(&mut graph, (record, frames, metrics))?;
+        input.spawn(&mut graph, stage::Tee::new(None, Some(recorder)))?;
         Ok(Self { graph, frame_count })
     }
 
@@ -147,9 +182,13 @@ impl Service {
     }
 }
 
-/// Who else gets what a service makes.
+/// Who else gets what a service captures and makes.
 #[derive(Default)]
 pub struct Copies {
+    /// Pictures of maps with their lights.
+    pub pictures: Option<Pictures>,
+    /// The frames as they are captured. Its failure, by a full disk say, ends it alone, and is told in the end.
+    pub recording: Option<RecordOptions>,
     /// All lists, for a renderer, say; [`list_link`] makes such a link.
     pub lists: Option<link::Sender<LightList>>,
     /// All maps that lights are made of, for a view of them. A link that is not `latest` holds up the service.

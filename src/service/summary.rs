@@ -65,7 +65,7 @@ impl fmt::Display for Summary {
             if !counters.is_empty() {
                 let counts: Vec<String> =
                     counters.iter().map(|(name, count)| format!("{count} {name}")).collect();
-                writeln!(f, "pixels in {}: {}", stage.name(), counts.join(", "))?;
+                writeln!(f, "{}: {}", stage.name(), counts.join(", "))?;
             }
         }
         Ok(())
@@ -83,7 +83,7 @@ mod tests {
         stage.drops.add(2);
         stage.bad_frames.add(1);
         stage.time_ns.record(1_500_000);
-        stage.counter("saturated").add(12);
+        stage.counter("pixels saturated").add(12);
         let summary = Summary::new(vec![Metrics::new("source"), stage]);
         let text = summary.to_string();
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
@@ -93,7 +93,7 @@ mod tests {
             ["calibrate", "75", "2", "1", "1.491", "1.491", "1.500"],
             "centres of buckets, and the maximum"
         );
-        assert_eq!(text.lines().last(), Some("pixels in calibrate: 12 saturated"));
+        assert_eq!(text.lines().last(), Some("calibrate: 12 pixels saturated"));
         assert_eq!(summary.stage("source").unwrap().frames.get(), 0);
     }
 }

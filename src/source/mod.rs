@@ -1,11 +1,19 @@
-//! Where frames come from: recorded sequences of files ([`Sequence`]) and calculated ones ([`synthetic`]).
+//! Where frames come from: recorded sequences of files ([`Sequence`]), calculated ones ([`synthetic`]) and live cameras
+//! ([`Camera`], `v4l2`).
 //!
-//! A source delivers as fast as it is asked; a stage with a clock asks at the right time.
+//! A [`Source`] delivers as fast as it is asked; a stage with a clock asks at the right time. A camera has its own
+//! pace; a stage waits for it, and starts it again when it was lost.
 
+mod bracket;
+mod live;
 mod pattern;
 mod sequence;
 pub mod synthetic;
+#[cfg(feature = "camera")]
+pub mod v4l2;
 
+pub use bracket::{Bracket, BracketOptions, ExposureControl};
+pub use live::{BadBuffer, Camera, Captured, Mark, Numbered, Numbering};
 pub use sequence::{FrameFormat, Sequence, SequenceOptions};
 
 use crate::error::Result;

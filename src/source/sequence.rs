@@ -4,6 +4,8 @@
 //! capture time (n - n0) / rate, whether or not the files between are there. Numbers that are missing, and files
 //! that cannot be used, are counted in `lost_before` of the next frame that can.
 //!
+//! Files of `lightcast record` say themselves when they were taken.
+//!
 //! Repeated, the sequence goes on counting: with n1 the last number, pass k gives file n the sequence number
 //! n + k (n1 - n0 + 1) and the capture time to match, so that the first frame follows the last at the usual
 //! distance and nothing ever runs backwards.
@@ -146,6 +148,11 @@ impl Sequence {
         self.format
     }
 
+    /// Frames to come, readable or not; `None` when it repeats.
+    pub fn frame_count(&self) -> Option<u64> {
+        (!self.repeat).then_some(self.files.len() as u64)
+    }
+
     /// Number of files in one pass, readable or not.
     pub fn file_count(&self) -> usize {
         self.files.len()
@@ -157,11 +164,11 @@ impl Sequence {
     }
 
     /// Reads a file and compares it with the first.
-    fn fill(&self, path: &Path, frame: &mut Frame) -> Result<()> {
+    fn fill(&self, path: &Path, frame: &mut Frame) -> Result<Attributes> {
         let attributes = read(path, frame)?;
         let found = FrameFormat::of(frame, &attributes, self.format.frame_rate_hz);
         if found == self.format {
-            return Ok(());
+            return Ok(attributes);
         }
         let (found, expected) = (found.describe(), self.format.describe());
         Err(Error::bad_frame(format!(
@@ -210,15 +217,18 @@ impl Source for Sequence {
         let (number, path) = &self.files[self.index];
         self.index += 1;
         self.bad_in_a_row += 1;
-        self.fill(path, frame)?;
+        let capture_time_ns = self.fill(path, frame)?.capture_time_ns;
         self.bad_in_a_row = 0;
 
         // Wrapping would take a sequence of 2^64 frames.
         let sequence = number.saturating_add(self.pass.saturating_mul(self.period()));
         let rate = self.format.frame_rate_hz;
-        let steps = (sequence - self.files[0].0) as f64;
+        let time_ns = |steps: u64| if rate > 0.0 { (steps as f64 * 1e9 / rate).round() as i64 } else { 0 };
         frame.stamp.sequence = sequence;
-        frame.stamp.capture_time_ns = if rate > 0.0 { (steps * 1e9 / rate).round() as i64 } else { 0 };
+        frame.stamp.capture_time_ns = match capture_time_ns {
+            None => time_ns(sequence - self.files[0].0),
+            Some(captured_ns) => captured_ns.saturating_add(time_ns(sequence - number)),
+        };
         frame.stamp.lost_before = sequence.saturating_sub(self.expected);
         frame.stamp.frame_rate_hz = rate;
         self.expected = sequence.saturating_add(1);

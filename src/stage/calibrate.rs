@@ -47,7 +47,10 @@ struct PixelCounters([PixelCounter; 5]);
 impl PixelCounters {
     fn new(metrics: &Metrics) -> Self {
         let counter = |kind| PixelCounter { kind, sum: metrics.counter(kind), named: 0 };
-        Self(["saturated", "black-clipped", "NaN", "infinite", "negative"].map(counter))
+        Self(
+            ["pixels saturated", "pixels black-clipped", "pixels NaN", "pixels infinite", "pixels negative"]
+                .map(counter),
+        )
     }
 
     fn add(&mut self, counts: &PixelCounts, sequence: u64) {
@@ -56,7 +59,7 @@ impl PixelCounters {
             counter.sum.add(count);
             if count > 0 && count >= 2 * counter.named {
                 counter.named = count;
-                tracing::warn!("frame {sequence}: {count} pixels {}", counter.kind);
+                tracing::warn!("frame {sequence}: {count} {}", counter.kind);
             }
         }
     }

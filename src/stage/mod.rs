@@ -1,19 +1,23 @@
 //! One thin file per stage: each runs one algorithm of the floors below under [`rt::stage::run`](crate::rt::stage).
 
 mod calibrate;
+mod capture;
 mod filter;
 mod light;
 mod picture;
 mod publish;
+mod record;
 #[cfg(feature = "render")]
 mod render;
 mod source;
 
 pub use calibrate::Calibrate;
+pub use capture::{Capture, Patience};
 pub use filter::Filter;
 pub use light::{Light, MapTap};
 pub use picture::Picture;
 pub use publish::{ListTap, Publish};
+pub use record::{Record, Recorder, Recording, SIDECAR, Tee};
 #[cfg(feature = "render")]
 pub use render::{Files, PictureWriter, Render};
 pub use source::Source;

@@ -70,7 +70,7 @@ fn sensor_codes_through_a_lens_become_lights_where_the_lamp_is() {
     let angle_deg = x.atan2(y).to_degrees();
     assert!((angle_deg - 30.0).abs() < 3.0 && z.abs() < 0.05, "{x} {y} {z}: {angle_deg} degrees");
     let summary = stderr(&output);
-    assert!(summary.contains("10 saturated"), "one pixel in each frame: {summary}");
+    assert!(summary.contains("10 pixels saturated"), "one pixel in each frame: {summary}");
 }
 
 #[test]

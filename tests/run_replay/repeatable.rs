@@ -74,7 +74,12 @@ fn a_file_gets_what_standard_output_would() {
         let columns: Vec<&str> = line.split_whitespace().collect();
         assert_eq!(columns[1..4], ["6", "0", "0"], "frames, drops, bad frames of {stage}");
     }
-    assert!(summary.contains("0 saturated, 0 black-clipped, 0 NaN, 0 infinite, 0 negative"), "{summary}");
+    assert!(
+        summary.contains(
+            "0 pixels saturated, 0 pixels black-clipped, 0 pixels NaN, 0 pixels infinite, 0 pixels negative"
+        ),
+        "{summary}"
+    );
 }
 
 #[test]

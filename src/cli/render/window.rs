@@ -132,9 +132,9 @@ fn show_sequence(arguments: &Arguments, display: Display, closing: &Shutdown) ->
     let serving = Shutdown::new();
     let (lists_in, lists) = link::latest(&serving, LightList::default);
     let (maps_in, maps) = link::latest(&serving, || PolarMap::black(config.map));
-    let copies = Copies { lists: Some(lists_in), maps: Some(maps_in) };
+    let copies = Copies { lists: Some(lists_in), maps: Some(maps_in), ..Copies::default() };
     let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, None, copies, &serving)?;
+    let service = Service::start(&config, nowhere, copies, &serving)?;
     let metrics = Metrics::new("window");
     let source = Source::Live { lists, maps: Some(maps), metrics: metrics.clone() };
     let shown = show(arguments, display, source, scene, PolarMap::black(config.map), closing);

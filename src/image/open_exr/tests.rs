@@ -164,7 +164,7 @@ fn environment_attribute_moves_the_centres_and_cubes_are_refused() {
     layer.attributes.environment_map = Some(EnvironmentMap::LatitudeLongitude);
     layer.attributes.frames_per_second = Some((0, 1));
     let attributes = read_bytes(&bytes(vec![layer.clone()]), &mut Frame::default()).unwrap();
-    let expected = Attributes { frame_rate_hz: None, latlong_centres: LatLongCentres::Ends };
+    let expected = Attributes { latlong_centres: LatLongCentres::Ends, ..Attributes::default() };
     assert_eq!(attributes, expected, "a rate of 0/1 is no rate");
     layer.attributes.environment_map = Some(EnvironmentMap::Cube);
     layer.attributes.frames_per_second = Some((24, 0));

@@ -1,3 +1,4 @@
+use super::attribute;
 use crate::error::{Error, Result};
 use crate::image::file::{check_samples, replace};
 use crate::image::{Frame, Pixels};
@@ -17,44 +18,89 @@ use std::path::Path;
 /// A frame of sensor codes (those go into [`write_png16`](crate::image::write_png16)) or of the wrong length, a frame
 /// rate that is not a positive number, a file that cannot be written.
 pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: bool) -> Result<()> {
-    let Pixels::Radiance(values) = &frame.pixels else {
+    let Pixels::Radiance(_) = &frame.pixels else {
         return Err(Error::failed("holds sensor codes, which are written as 16-bit PNG").at(path.display()));
     };
-    replace(path, |writer| {
-        check_samples(frame.width, frame.height, frame.channels, values.len())?;
-        let attributes = LayerAttributes {
+    let attributes = || {
+        Ok(LayerAttributes {
             frames_per_second: frame_rate_hz.map(rational).transpose()?,
             ..LayerAttributes::default()
+        })
+    };
+    write(path, frame, attributes, Compression::ZIP16, half)
+}
+
+/// Writes a frame of a live recording: sensor codes as `uint` channels (lossless), radiance as half floats, uncompressed
+/// so that a recording keeps up with the camera. The attributes `framesPerSecond`, `expTime` (seconds) and those of our
+/// own tell rate, exposure, capture time, the sensor's mosaic and, as text, the lens.
+///
+/// # Errors
+///
+/// As [`write_exr`], but for codes. The error of a full disk has the system's own as its source.
+pub fn write_recorded_exr(
+    path: &Path,
+    frame: &Frame,
+    exposure_s: Option<f64>,
+    lens: Option<&str>,
+) -> Result<()> {
+    let attributes = || {
+        let rate_hz = frame.stamp.frame_rate_hz;
+        let mut attributes = LayerAttributes {
+            frames_per_second: (rate_hz > 0.0).then(|| rational(rate_hz)).transpose()?,
+            exposure: exposure_s.map(|seconds| seconds as f32),
+            ..LayerAttributes::default()
         };
+        attribute::add(&mut attributes, frame, lens)?;
+        Ok(attributes)
+    };
+    write(path, frame, attributes, Compression::Uncompressed, true)
+}
+
+fn write(
+    path: &Path,
+    frame: &Frame,
+    attributes: impl FnOnce() -> Result<LayerAttributes>,
+    compression: Compression,
+    half: bool,
+) -> Result<()> {
+    replace(path, |writer| {
+        let count = match &frame.pixels {
+            Pixels::Codes(codes) => codes.len(),
+            Pixels::Radiance(values) => values.len(),
+        };
+        check_samples(frame.width, frame.height, frame.channels, count)?;
         let names: &[&str] = if frame.channels == 1 { &["Y"] } else { &["R", "G", "B"] };
         let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = names
             .iter()
             .enumerate()
-            .map(|(place, &name)| {
-                let samples = values.iter().skip(place).step_by(frame.channels);
-                AnyChannel::new(
-                    name,
-                    if half {
-                        FlatSamples::F16(samples.map(|&value| f16::from_f32(value)).collect())
-                    } else {
-                        FlatSamples::F32(samples.copied().collect())
-                    },
-                )
-            })
+            .map(|(place, &name)| AnyChannel::new(name, samples(frame, place, half)))
             .collect();
-        let encoding = Encoding {
-            compression: Compression::ZIP16,
-            blocks: Blocks::ScanLines,
-            line_order: LineOrder::Increasing,
-        };
-        let layer =
-            Layer::new(Vec2(frame.width, frame.height), attributes, encoding, AnyChannels::sort(channels));
+        let encoding = Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+        let size = Vec2(frame.width, frame.height);
+        let layer = Layer::new(size, attributes()?, encoding, AnyChannels::sort(channels));
         Image::from_layer(layer)
             .write()
             .non_parallel()
             .to_buffered(writer)
             .map_err(|error| Error::failed("cannot be written").because(error))
     })
+}
+
+/// The samples of one channel.
+fn samples(frame: &Frame, place: usize, half: bool) -> FlatSamples {
+    match &frame.pixels {
+        Pixels::Codes(codes) => FlatSamples::U32(
+            codes.iter().skip(place).step_by(frame.channels).map(|&code| code.into()).collect(),
+        ),
+        Pixels::Radiance(values) => {
+            let values = values.iter().skip(place).step_by(frame.channels);
+            if half {
+                FlatSamples::F16(values.map(|&value| f16::from_f32(value)).collect())
+            } else {
+                FlatSamples::F32(values.copied().collect())
+            }
+        }
+    }
 }
 
 /// A rate as OpenEXR stores it: a whole number, an NTSC rate (24000/1001 and its kin), or millionths.
@@ -79,7 +125,7 @@ fn rational(rate_hz: f64) -> Result<(i32, u32)> {
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::image::{Attributes, LatLongCentres, read};
+    use crate::image::{Attributes, Bayer, Stamp, read};
 
     fn ramp(width: usize, height: usize, channels: usize) -> Frame {
         let values = (0..width * height * channels).map(|n| n as f32 * 0.25 - 1.0).collect();
@@ -97,7 +143,7 @@ mod tests {
             write_exr(&path, &frame, Some(25.0), half).unwrap();
             let attributes = read(&path, &mut read_back).unwrap();
             assert_eq!(read_back, frame);
-            let expected = Attributes { frame_rate_hz: Some(25.0), latlong_centres: LatLongCentres::Half };
+            let expected = Attributes { frame_rate_hz: Some(25.0), ..Attributes::default() };
             assert_eq!(attributes, expected);
         }
         write_exr(&path, &ramp(1, 1, 1), None, false).unwrap();
@@ -130,6 +176,47 @@ mod tests {
         write_exr(&one, &ramp(64, 40, 3), Some(23.976), true).unwrap();
         write_exr(&two, &ramp(64, 40, 3), Some(23.976), true).unwrap();
         assert_eq!(std::fs::read(one).unwrap(), std::fs::read(two).unwrap());
+    }
+
+    #[test]
+    fn recorded_codes_come_back_with_all_that_was_said_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let stamp =
+            Stamp { capture_time_ns: -12_345_678_901_234_567, frame_rate_hz: 59.94, ..Stamp::default() };
+        for (channels, bayer) in [(1, None), (1, Some(Bayer::Gbrg)), (3, None)] {
+            let codes = (0..16 * 40 * channels).map(|n| (n * 7919 % 65_536) as u16).collect();
+            let frame = Frame { stamp, width: 16, height: 40, channels, bayer, pixels: Pixels::Codes(codes) };
+            write_recorded_exr(&path, &frame, Some(0.01), Some("{\"fx\": 1}")).unwrap();
+            let mut read_back = Frame { stamp, ..Frame::default() };
+            let attributes = read(&path, &mut read_back).unwrap();
+            assert_eq!(read_back, frame);
+            assert_eq!(attributes.capture_time_ns, Some(stamp.capture_time_ns));
+            assert!((attributes.frame_rate_hz.unwrap() - 59.94).abs() < 1e-4);
+        }
+        let meta = exr::meta::MetaData::read_from_file(&path, false).unwrap();
+        assert_eq!(meta.headers[0].own_attributes.exposure, Some(0.01));
+        assert_eq!(meta.headers[0].own_attributes.other.len(), 3, "samples, time and lens");
+    }
+
+    #[test]
+    fn codes_beyond_16_bits_and_codes_in_floats_are_no_codes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let write = |samples: FlatSamples, bayer: &str| {
+            let mut attributes = LayerAttributes::default();
+            for (name, value) in [("lightcastSamples", "codes"), ("lightcastBayer", bayer)] {
+                let value = exr::meta::attribute::AttributeValue::Text(value.into());
+                attributes.other.insert(name.into(), value);
+            }
+            let channels = AnyChannels::sort(SmallVec::from_vec(vec![AnyChannel::new("Y", samples)]));
+            let layer = Layer::new(Vec2(2, 1), attributes, Encoding::UNCOMPRESSED, channels);
+            Image::from_layer(layer).write().non_parallel().to_file(&path).unwrap();
+            read(&path, &mut Frame::default()).unwrap_err().to_string()
+        };
+        assert!(write(FlatSamples::U32(vec![1, 65_536]), "RGGB").contains("the sensor code 65536"));
+        assert!(write(FlatSamples::F32(vec![1.0, 2.0]), "RGGB").contains("not of type uint"));
+        assert!(write(FlatSamples::U32(vec![1, 2]), "RGBW").contains("lightcastBayer = RGBW"));
     }
 
     #[test]

@@ -1,0 +1,79 @@
+use super::run::watch;
+use super::signals::SignalWatch;
+use crate::config::Config;
+use crate::error::Result;
+use crate::rt::Shutdown;
+use crate::service::{RecordOptions, RecordSamples, Service};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Half a second at 60 frames per second evens out what disks do.
+const QUEUE: u16 = 30;
+
+/// Record what a camera gives, as it comes, without making lights.
+///
+/// Every frame becomes a file `frame.NNNNNN.exr` with its sequence number: sensor codes without loss, with rate, capture
+/// time, exposure, mosaic and lens in its attributes. `recording.json` beside them says what was recorded and how many
+/// frames are missing. A disk that is too slow loses frames of the recording, which are counted as drops; a full disk
+/// ends it, and all that was written before can be played.
+///
+/// The recording is played as any sequence: kind = "sequence" with the folder as its path. To record while lights are
+/// made, see `lightcast run --record`.
+///
+/// Example: lightcast record --config config/camera.toml --output recording/ --seconds 10
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Arguments {
+    /// Configuration file (TOML) that names the camera; its calibration may be missing.
+    #[arg(long, short, value_name = "FILE")]
+    config: PathBuf,
+
+    /// New or empty folder for the recording.
+    #[arg(long, short, value_name = "DIR")]
+    output: PathBuf,
+
+    /// Write radiance as half floats, by the response of the configuration, in place of what the camera gives.
+    #[arg(long)]
+    half: bool,
+
+    /// End after so many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: Option<u64>,
+
+    /// End after so many seconds.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    seconds: Option<Duration>,
+
+    /// Frames that may wait for the disk.
+    #[arg(long, value_name = "N", default_value_t = QUEUE, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    queue: u16,
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| "is no number".to_owned())?;
+    Duration::try_from_secs_f64(seconds)
+        .ok()
+        .filter(|time| !time.is_zero())
+        .ok_or_else(|| "must be above 0".to_owned())
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<()> {
+    let config = Config::load(&arguments.config)?;
+    let options = RecordOptions {
+        folder: arguments.output.clone(),
+        samples: if arguments.half { RecordSamples::Half } else { RecordSamples::AsCaptured },
+        queue: arguments.queue.into(),
+        frames_max: arguments.frames.unwrap_or(u64::MAX),
+    };
+    let shutdown = Shutdown::new();
+    let _signals = SignalWatch::start(&shutdown)?;
+    let service = Service::record(&config, &options, &shutdown)?;
+    let started = Instant::now();
+    let written =
+        |summary: &crate::service::Summary| summary.stage("record").map_or(0, |record| record.frames.get());
+    watch(service, "frames", written, |_| {
+        if arguments.seconds.is_some_and(|seconds| started.elapsed() >= seconds) {
+            shutdown.request();
+        }
+    })
+}

@@ -1,0 +1,150 @@
+//! The keys of `[source]`.
+
+use super::{Links, Pace, Source};
+use crate::error::{Error, Result};
+use crate::source::SequenceOptions;
+#[cfg(feature = "camera")]
+use crate::source::{
+    BracketOptions,
+    v4l2::{ControlValue, V4l2Options},
+};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
+#[cfg(feature = "camera")]
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Kind {
+    Sequence,
+    #[cfg(feature = "camera")]
+    Camera,
+}
+
+/// The keys of all kinds of sources. They lie in one structure, and not in one for each kind, so that a fault is told
+/// with its line.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SourceKeys {
+    kind: Kind,
+    #[serde(default, deserialize_with = "frame_rate")]
+    frame_rate_hz: Option<f64>,
+    links: Option<Links>,
+    // A sequence.
+    path: Option<PathBuf>,
+    first: Option<u64>,
+    last: Option<u64>,
+    repeat: Option<bool>,
+    pace: Option<Pace>,
+    // A camera.
+    #[cfg(feature = "camera")]
+    device: Option<String>,
+    #[cfg(feature = "camera")]
+    format: Option<String>,
+    #[cfg(feature = "camera")]
+    size: Option<[u32; 2]>,
+    #[cfg(feature = "camera")]
+    controls: Option<BTreeMap<String, ControlValue>>,
+    #[cfg(feature = "camera")]
+    buffers: Option<u32>,
+    #[cfg(feature = "camera")]
+    bracket: Option<BracketOptions>,
+}
+
+/// Most buffers that can be asked for: the kernel's own limit.
+#[cfg(feature = "camera")]
+const BUFFERS_MAX: u32 = 32;
+
+impl SourceKeys {
+    /// The options; paths are relative to `folder`.
+    pub(super) fn check(self, folder: &Path) -> Result<(Source, Pace, Links)> {
+        match self.kind {
+            Kind::Sequence => self.sequence(folder),
+            #[cfg(feature = "camera")]
+            Kind::Camera => self.camera(),
+        }
+    }
+
+    fn sequence(self, folder: &Path) -> Result<(Source, Pace, Links)> {
+        #[cfg(feature = "camera")]
+        refuse(
+            "sequence",
+            &[
+                ("device", self.device.is_some()),
+                ("format", self.format.is_some()),
+                ("size", self.size.is_some()),
+                ("controls", self.controls.is_some()),
+                ("buffers", self.buffers.is_some()),
+                ("bracket", self.bracket.is_some()),
+            ],
+        )?;
+        let (first, last) = (self.first, self.last);
+        if let (Some(first), Some(last)) = (first, last)
+            && first > last
+        {
+            return Err(Error::usage(format!("last = {last}: must not be before first = {first}")));
+        }
+        let path = folder.join(needed("path", self.path)?);
+        let repeat = self.repeat.unwrap_or(false);
+        let options = SequenceOptions { path, frame_rate_hz: self.frame_rate_hz, first, last, repeat };
+        Ok((Source::Sequence(options), self.pace.unwrap_or_default(), self.links.unwrap_or_default()))
+    }
+
+    #[cfg(feature = "camera")]
+    fn camera(self) -> Result<(Source, Pace, Links)> {
+        refuse(
+            "camera",
+            &[
+                ("path", self.path.is_some()),
+                ("first", self.first.is_some()),
+                ("last", self.last.is_some()),
+                ("repeat", self.repeat.is_some()),
+                ("pace", self.pace.is_some()),
+            ],
+        )?;
+        let buffers = self.buffers.unwrap_or(V4l2Options::default().buffers);
+        if !(2..=BUFFERS_MAX).contains(&buffers) {
+            return Err(Error::usage(format!(
+                "buffers = {buffers}: the driver needs 2 to {BUFFERS_MAX}, one to fill while another is read"
+            )));
+        }
+        if self.size.is_some_and(|size| size.contains(&0)) {
+            return Err(Error::usage("size = ...: columns and rows must be above 0"));
+        }
+        let options = V4l2Options {
+            device: needed("device", self.device)?,
+            format: self.format,
+            size: self.size,
+            frame_rate_hz: self.frame_rate_hz,
+            controls: self.controls.unwrap_or_default(),
+            buffers,
+        };
+        // A camera does not wait: live unless told otherwise.
+        Ok((Source::Camera(options, self.bracket), Pace::RealTime, self.links.unwrap_or(Links::Live)))
+    }
+}
+
+fn needed<T>(key: &str, value: Option<T>) -> Result<T> {
+    value.ok_or_else(|| Error::usage(format!("missing field `{key}`")))
+}
+
+/// Refuses keys of another kind of source.
+#[cfg(feature = "camera")]
+fn refuse(kind: &str, keys: &[(&str, bool)]) -> Result<()> {
+    match keys.iter().find(|(_, is_there)| *is_there) {
+        Some((key, _)) => {
+            Err(Error::usage(format!("{key} = ...: is no key of kind = \"{kind}\"; remove it")))
+        }
+        None => Ok(()),
+    }
+}
+
+fn frame_rate<'de, D: Deserializer<'de>>(value: D) -> Result<Option<f64>, D::Error> {
+    let rate_hz = f64::deserialize(value)?;
+    // 1e9 Hz would be one frame a nanosecond, the unit of capture times.
+    if !(rate_hz > 0.0 && rate_hz < 1e9) {
+        return Err(D::Error::custom(format!("a frame rate is above 0 and below 1e9 Hz, not {rate_hz}")));
+    }
+    Ok(Some(rate_hz))
+}

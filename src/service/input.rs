@@ -1,0 +1,162 @@
+//! Where the frames of a service come from, opened.
+
+use super::graph::Graph;
+#[cfg(feature = "camera")]
+use crate::camera::Response;
+use crate::config::{self, Config};
+#[cfg(feature = "camera")]
+use crate::error::Error;
+use crate::error::Result;
+use crate::image::Frame;
+use crate::rt::stage::{Stage, Tick, Ticks};
+use crate::rt::{Clock, Metrics, Shutdown};
+#[cfg(feature = "camera")]
+use crate::source::{
+    Bracket, BracketOptions,
+    v4l2::{V4l2Camera, utc_from_monotonic_ns},
+};
+use crate::source::{Camera, FrameFormat, Sequence};
+use crate::stage::{self, Patience, Recording, Tee};
+use std::sync::Arc;
+
+/// Name of the stage, and of its thread.
+const SOURCE: &str = "source";
+
+/// A source that is ready to start.
+pub struct Input {
+    kind: Kind,
+    format: FrameFormat,
+    /// For messages: the path, or the camera's stable name.
+    name: String,
+    metrics: Arc<Metrics>,
+    exposure_s: Option<f64>,
+    /// What to add to capture times to get nanoseconds since 1970.
+    utc_from_capture_ns: Option<i64>,
+}
+
+enum Kind {
+    Sequence(Sequence),
+    Camera(Box<dyn Camera>),
+}
+
+impl Input {
+    /// Opens what a configuration names.
+    ///
+    /// # Errors
+    /// Those of the source: no file or no camera of this name, or nothing that can be used as it is configured.
+    pub fn open(config: &Config) -> Result<Self> {
+        match &config.source {
+            config::Source::Sequence(options) => {
+                let sequence = Sequence::open(options)?;
+                Ok(Self {
+                    format: sequence.format(),
+                    kind: Kind::Sequence(sequence),
+                    name: options.path.display().to_string(),
+                    metrics: Metrics::new(SOURCE),
+                    exposure_s: None,
+                    utc_from_capture_ns: None,
+                })
+            }
+            #[cfg(feature = "camera")]
+            config::Source::Camera(options, bracket) => {
+                let camera = V4l2Camera::open(options.clone())?;
+                let (format, name) = (camera.format(), camera.name().to_owned());
+                let exposure_s = camera.exposure_s();
+                let input = match bracket {
+                    None => Self { exposure_s, ..Self::camera(format, name, camera) },
+                    Some(options) => Self::bracket(camera, options, &super::camera::response(config)?)
+                        .map_err(|error| config.locate("source.bracket", error))?,
+                };
+                Ok(Self { utc_from_capture_ns: Some(utc_from_monotonic_ns()), ..input })
+            }
+        }
+    }
+
+    #[cfg(feature = "camera")]
+    fn bracket(mut camera: V4l2Camera, options: &BracketOptions, response: &Response) -> Result<Self> {
+        let (mut format, name) = (camera.format(), camera.name().to_owned());
+        if format.bayer.is_some() {
+            return Err(Error::usage(
+                "exposures of a mosaic sensor cannot be merged; choose another pixel format",
+            ));
+        }
+        camera.choose_exposure_control(&options.control, &options.values)?;
+        format.is_codes = false;
+        format.frame_rate_hz /= options.values.len() as f64;
+        let metrics = Metrics::new(SOURCE);
+        let bracket = Bracket::new(camera, options, response, &metrics)?;
+        Ok(Self { metrics, ..Self::camera(format, name, bracket) })
+    }
+
+    /// Any other camera: frames of this format from a device of this name.
+    pub fn camera(format: FrameFormat, name: String, camera: impl Camera + 'static) -> Self {
+        let kind = Kind::Camera(Box::new(camera));
+        let metrics = Metrics::new(SOURCE);
+        Self { kind, format, name, metrics, exposure_s: None, utc_from_capture_ns: None }
+    }
+
+    pub(super) fn format(&self) -> &FrameFormat {
+        &self.format
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Frames to come, readable or not; `None` without an end.
+    pub(super) fn frame_count(&self) -> Option<u64> {
+        match &self.kind {
+            Kind::Sequence(sequence) => sequence.frame_count(),
+            Kind::Camera(_) => None,
+        }
+    }
+
+    /// What is known of a recording of it.
+    pub(super) fn recording(&self, calibration: Option<serde_json::Value>) -> Recording {
+        Recording {
+            version: 1,
+            source: self.name.clone(),
+            exposure_s: self.exposure_s,
+            calibration,
+            utc_from_capture_ns: self.utc_from_capture_ns,
+        }
+    }
+
+    /// Starts it; its frames go to `outlet`.
+    pub(super) fn spawn(self, graph: &mut Graph, outlet: Tee) -> Result<()> {
+        let (clock, shutdown) = (graph.clock().clone(), graph.shutdown().clone());
+        let metrics = self.metrics;
+        match self.kind {
+            Kind::Sequence(sequence) => {
+                spawn(graph, metrics, stage::Source::new(sequence, &clock), &shutdown, outlet)
+            }
+            Kind::Camera(camera) => {
+                let rate_hz = self.format.frame_rate_hz;
+                let patience = Patience::for_rate(rate_hz);
+                let capture = stage::Capture::new(camera, rate_hz, patience, (&clock, &shutdown), &metrics);
+                spawn(graph, metrics, capture, &shutdown, outlet)
+            }
+        }
+    }
+
+    /// The time that paces it, when it may run as fast as it goes.
+    pub(super) fn clock(&self, is_fast: bool) -> Clock {
+        match self.kind {
+            Kind::Sequence(_) if is_fast => Clock::simulated(),
+            _ => Clock::real(),
+        }
+    }
+}
+
+fn spawn<S>(
+    graph: &mut Graph,
+    metrics: Arc<Metrics>,
+    stage: S,
+    shutdown: &Shutdown,
+    outlet: Tee,
+) -> Result<()>
+where
+    S: Stage<Input = Tick, Output = Frame> + 'static,
+{
+    graph.spawn(metrics, stage, Ticks(shutdown.clone()), outlet)
+}

@@ -1,0 +1,91 @@
+//! Recordings of what a service captures.
+
+use super::camera;
+use super::graph::Graph;
+use super::input::Input;
+use crate::camera::Response;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::image::Frame;
+use crate::rt::{Metrics, Shutdown, link};
+use crate::stage::{Record, Recorder};
+use std::path::PathBuf;
+
+/// What to record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordOptions {
+    /// A new or empty folder.
+    pub folder: PathBuf,
+    /// Kind of samples.
+    pub samples: RecordSamples,
+    /// Frames that may wait for the disk; more are dropped and counted.
+    pub queue: usize,
+    /// Frames after which the recording ends.
+    pub frames_max: u64,
+}
+
+impl Default for RecordOptions {
+    /// Codes without an end; half a second at 60 frames per second evens out what disks do.
+    fn default() -> Self {
+        Self { folder: PathBuf::new(), samples: RecordSamples::AsCaptured, queue: 30, frames_max: u64::MAX }
+    }
+}
+
+/// What is written of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecordSamples {
+    /// What the camera gives, without loss.
+    AsCaptured,
+    /// Radiance, by the response, as half floats.
+    Half,
+}
+
+/// Makes the recorder and the way to it. It ends by itself when its source has ended.
+///
+/// # Errors
+/// `Usage`: the folder is not empty, half floats are wanted where no response is known or of a mosaic.
+pub(super) fn recorder(
+    config: &Config,
+    options: &RecordOptions,
+    input: &Input,
+    shutdown: &Shutdown,
+) -> Result<(Record, link::Receiver<Frame>, Recorder, std::sync::Arc<Metrics>)> {
+    let metrics = Metrics::new("record");
+    let response = camera::response(config)?;
+    let table = match options.samples {
+        RecordSamples::AsCaptured => None,
+        RecordSamples::Half => Some(table(input, &response)?),
+    };
+    // A calibration's text is JSON.
+    let calibration = camera::calibration(config)?.and_then(|own| serde_json::from_str(&own.to_json()).ok());
+    let recording = input.recording(calibration);
+    let record = Record::new(options.folder.clone(), recording, table, options.frames_max, &metrics)?;
+    let (frames, receiver) = link::bounded(options.queue, shutdown, Frame::default);
+    let recorder = Recorder { frames, dropped: metrics.drops.clone() };
+    Ok((record, receiver, recorder, metrics))
+}
+
+/// Radiance by code.
+fn table(input: &Input, response: &Response) -> Result<Vec<f32>> {
+    let fault = |what: &str| Err(Error::usage(what).at(input.name()));
+    if !input.format().is_codes {
+        return Ok(Vec::new());
+    }
+    if input.format().bayer.is_some() {
+        return fault("frames of a mosaic sensor can be recorded as they come only, not as half floats");
+    }
+    if response.is_identity() {
+        return fault(
+            "half floats need a response, which tells what sensor codes mean; give one in [camera]",
+        );
+    }
+    Ok(response.table().to_vec())
+}
+
+/// Runs a recorder beside a service: its failure ends the recording and is told in the end; the service goes on.
+pub(super) fn spawn(
+    graph: &mut Graph,
+    (record, frames, metrics): (Record, link::Receiver<Frame>, std::sync::Arc<Metrics>),
+) -> Result<()> {
+    graph.spawn_aside(metrics, record, frames, Record::finish)
+}

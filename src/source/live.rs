@@ -1,0 +1,235 @@
+//! What a live camera is for the stage that runs it, and the numbers that its frames get.
+
+use crate::error::Result;
+use crate::image::{Frame, Stamp};
+use std::time::Duration;
+
+/// A device that gives frames at its own pace and may be lost at any time.
+pub trait Camera: Send {
+    /// Opens the device and starts it, the first time or again after a loss.
+    ///
+    /// # Errors
+    /// `LostDevice`: not now, perhaps later. Any other kind: never as it is configured.
+    fn start(&mut self) -> Result<()>;
+
+    /// Waits at most `patience` for a frame and fills `frame`'s picture; the stamp is left alone.
+    ///
+    /// # Errors
+    /// `LostDevice`: it has to be started again.
+    fn capture(&mut self, patience: Duration, frame: &mut Frame) -> Result<Captured>;
+
+    /// Lets go of the device.
+    fn stop(&mut self);
+}
+
+impl<C: Camera + ?Sized> Camera for Box<C> {
+    fn start(&mut self) -> Result<()> {
+        (**self).start()
+    }
+
+    fn capture(&mut self, patience: Duration, frame: &mut Frame) -> Result<Captured> {
+        (**self).capture(patience, frame)
+    }
+
+    fn stop(&mut self) {
+        (**self).stop();
+    }
+}
+
+/// What came of waiting for a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Captured {
+    /// A frame.
+    Frame(Mark),
+    /// A frame that cannot be used, and why.
+    Bad(Mark, BadBuffer),
+    /// None as yet.
+    Nothing,
+}
+
+/// Why a buffer cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BadBuffer {
+    /// The driver says that its content is damaged.
+    Faulty,
+    /// It holds fewer bytes than a picture has.
+    Short,
+    /// Its compressed picture cannot be decoded.
+    Undecodable,
+}
+
+/// Where the kernel places a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mark {
+    /// The driver's count of frames since the start of the stream; wraps around.
+    pub sequence: u32,
+    /// Time of capture on the kernel's monotonic clock in nanoseconds.
+    pub time_ns: i64,
+}
+
+/// Turns the driver's counts, which begin anew with every start and have 32 bits, into sequence numbers that never
+/// run back, with what was lost between two frames.
+///
+/// Within one start the difference of the counts tells it. Over a restart the time tells how many frames the camera
+/// would have taken at its rate.
+#[derive(Clone, Debug)]
+pub struct Numbering {
+    frame_rate_hz: f64,
+    /// Mark and sequence number of the last frame that was used.
+    last: Option<(Mark, u64)>,
+    /// The last count seen since the start, of a frame used or not.
+    count: Option<u32>,
+    /// Since the last used frame: whether the stream was started again, frames that came and were not used, frames
+    /// that the kernel counted and never gave.
+    was_away: bool,
+    unused: u64,
+    dropped: u64,
+}
+
+/// What [`Numbering::number`] says about a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbered {
+    /// Stamp of the frame; its `lost_before` includes all of the below and the frames that were not used.
+    pub stamp: Stamp,
+    /// Frames that the kernel counted and never gave.
+    pub dropped_by_kernel: u64,
+    /// Frames that the camera would have taken while it was away.
+    pub missed_while_away: u64,
+}
+
+impl Numbering {
+    /// For a camera of this rate; 0 if that is unknown: then nothing is said to be lost over a restart.
+    pub fn new(frame_rate_hz: f64) -> Self {
+        Self { frame_rate_hz, last: None, count: None, was_away: false, unused: 0, dropped: 0 }
+    }
+
+    /// The stream was started again: its counts begin anew.
+    pub fn restart(&mut self) {
+        self.count = None;
+        self.was_away = true;
+    }
+
+    /// A frame came that cannot be used.
+    pub fn skip(&mut self, mark: Mark) {
+        if self.advance(mark) {
+            self.unused += 1;
+        }
+    }
+
+    /// Numbers a frame; `None` when it is older than one that came before it, whose `lost_before` has it already.
+    ///
+    /// Drivers that do not count give the same number with every frame: these then count as neighbours.
+    pub fn number(&mut self, mark: Mark) -> Option<Numbered> {
+        if !self.advance(mark) {
+            return None;
+        }
+        let (unused, dropped) = (std::mem::take(&mut self.unused), std::mem::take(&mut self.dropped));
+        let was_away = std::mem::take(&mut self.was_away);
+        let mut numbered =
+            Numbered { stamp: Stamp::default(), dropped_by_kernel: dropped, missed_while_away: 0 };
+        if let Some((last, sequence)) = self.last {
+            if was_away {
+                let frames = mark.time_ns.saturating_sub(last.time_ns) as f64 * 1e-9 * self.frame_rate_hz;
+                // Negative times become 0 here.
+                numbered.missed_while_away = (frames.round() as u64).saturating_sub(1 + unused + dropped);
+            }
+            let lost_before = unused + dropped + numbered.missed_while_away;
+            (numbered.stamp.sequence, numbered.stamp.lost_before) = (sequence + 1 + lost_before, lost_before);
+        }
+        numbered.stamp.capture_time_ns = mark.time_ns;
+        numbered.stamp.frame_rate_hz = self.frame_rate_hz;
+        self.last = Some((mark, numbered.stamp.sequence));
+        Some(numbered)
+    }
+
+    /// Goes on to this count; false for one that is out of order.
+    fn advance(&mut self, mark: Mark) -> bool {
+        // Counts wrap: what is less than half a round ahead is later.
+        let step = self.count.map_or(1, |count| mark.sequence.wrapping_sub(count) as i32);
+        if step < 0 {
+            return false;
+        }
+        self.count = Some(mark.sequence);
+        self.dropped += u64::from(step.unsigned_abs()).saturating_sub(1);
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mark(sequence: u32, time_ms: i64) -> Mark {
+        Mark { sequence, time_ns: time_ms * 1_000_000 }
+    }
+
+    /// Sequence number and all losses of the frame with this mark.
+    fn numbers(numbering: &mut Numbering, mark: Mark) -> [u64; 4] {
+        let found = numbering.number(mark).unwrap();
+        let Numbered { stamp, dropped_by_kernel, missed_while_away } = found;
+        assert_eq!((stamp.capture_time_ns, stamp.frame_rate_hz), (mark.time_ns, 25.0));
+        [stamp.sequence, stamp.lost_before, dropped_by_kernel, missed_while_away]
+    }
+
+    #[test]
+    fn gaps_and_unused_frames_are_lost_before_the_next_one() {
+        let mut numbering = Numbering::new(25.0);
+        // Whatever the driver begins with.
+        assert_eq!(numbers(&mut numbering, mark(7, 0)), [0, 0, 0, 0]);
+        assert_eq!(numbers(&mut numbering, mark(8, 40)), [1, 0, 0, 0]);
+        assert_eq!(numbers(&mut numbering, mark(11, 160)), [4, 2, 2, 0]);
+        numbering.skip(mark(12, 200));
+        assert_eq!(numbers(&mut numbering, mark(13, 240)), [6, 1, 0, 0]);
+    }
+
+    #[test]
+    fn a_gap_before_an_unused_frame_is_not_forgotten() {
+        let mut numbering = Numbering::new(25.0);
+        numbers(&mut numbering, mark(0, 0));
+        numbering.skip(mark(3, 120));
+        assert_eq!(numbers(&mut numbering, mark(4, 160)), [4, 3, 2, 0]);
+    }
+
+    #[test]
+    fn frames_out_of_order_are_not_used_and_hide_no_gap() {
+        let mut numbering = Numbering::new(25.0);
+        numbers(&mut numbering, mark(5, 0));
+        assert_eq!(numbers(&mut numbering, mark(7, 80)), [2, 1, 1, 0]);
+        assert_eq!(numbering.number(mark(6, 40)), None);
+        numbering.skip(mark(6, 40));
+        assert_eq!(numbers(&mut numbering, mark(8, 120)), [3, 0, 0, 0]);
+    }
+
+    #[test]
+    fn counts_wrap_and_drivers_without_counts_have_neighbours_only() {
+        let mut numbering = Numbering::new(25.0);
+        numbers(&mut numbering, mark(u32::MAX, 0));
+        assert_eq!(numbers(&mut numbering, mark(0, 40)), [1, 0, 0, 0]);
+        assert_eq!(numbers(&mut numbering, mark(0, 80)), [2, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_frame_that_cannot_be_used_after_a_restart_does_not_hide_the_time_away() {
+        let mut numbering = Numbering::new(25.0);
+        numbers(&mut numbering, mark(9, 0));
+        numbering.restart();
+        numbering.skip(mark(0, 360));
+        assert_eq!(numbers(&mut numbering, mark(1, 400)), [10, 9, 0, 8]);
+    }
+
+    #[test]
+    fn over_a_restart_the_time_tells_what_was_missed() {
+        let mut numbering = Numbering::new(25.0);
+        numbers(&mut numbering, mark(100, 0));
+        numbering.restart();
+        assert_eq!(numbers(&mut numbering, mark(0, 1000)), [25, 24, 0, 24]);
+        assert_eq!(numbers(&mut numbering, mark(1, 1040)), [26, 0, 0, 0]);
+        numbering.restart();
+        // The clock may have been set by nobody, but a driver may say anything.
+        assert_eq!(numbers(&mut numbering, mark(0, -5000)), [27, 0, 0, 0]);
+        let mut unknown = Numbering::new(0.0);
+        unknown.number(mark(0, 0)).unwrap();
+        unknown.restart();
+        assert_eq!(unknown.number(mark(0, 9000)).unwrap().missed_while_away, 0);
+    }
+}

@@ -1,0 +1,326 @@
+//! One camera: its configuration, and its frames.
+
+use super::control::{self, ControlValue};
+use super::identity::{self, Identity};
+use super::node::{Buffer, Node, Stream, monotonic_now_ns, pix_format};
+use super::pixel_format::{self, PixelFormat};
+use super::unpack::Layout;
+use crate::error::{Error, Result};
+use crate::image::{Frame, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, Pixels};
+use crate::source::{BadBuffer, Camera, Captured, ExposureControl, FrameFormat, Mark};
+use std::collections::BTreeMap;
+use std::io;
+use std::time::Duration;
+use v4l::v4l_sys as sys;
+
+/// Which camera, and how it is set up. What is `None` stays as the driver has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct V4l2Options {
+    /// A stable name as `lightcast devices` prints it, or a path.
+    pub device: String,
+    /// V4L2's name of a pixel format; `None`: the deepest that the camera has.
+    pub format: Option<String>,
+    /// Columns and rows.
+    pub size: Option<[u32; 2]>,
+    /// Frames per second.
+    pub frame_rate_hz: Option<f64>,
+    /// Controls by name.
+    pub controls: BTreeMap<String, ControlValue>,
+    /// Buffers to share with the driver: what it can fill while a frame is worked on.
+    pub buffers: u32,
+}
+
+impl Default for V4l2Options {
+    fn default() -> Self {
+        Self {
+            device: "/dev/video0".to_owned(),
+            format: None,
+            size: None,
+            frame_rate_hz: None,
+            controls: BTreeMap::new(),
+            buffers: 4,
+        }
+    }
+}
+
+/// A V4L2 camera.
+#[derive(Debug)]
+pub struct V4l2Camera {
+    options: V4l2Options,
+    /// The name that it is found by after a loss, and for messages.
+    name: String,
+    pixel_format: PixelFormat,
+    layout: Layout,
+    frame_rate_hz: f64,
+    exposure_s: Option<f64>,
+    /// The control that sets the exposure while it streams.
+    exposure_control: Option<u32>,
+    stream: Option<Stream>,
+}
+
+impl V4l2Camera {
+    /// Opens the camera and sets it up, without starting it.
+    ///
+    /// # Errors
+    /// `Usage`: the camera cannot do what the options ask for; the message says what it can. `LostDevice`: it is not
+    /// there, in use by another program, or does not answer.
+    pub fn open(options: V4l2Options) -> Result<Self> {
+        let identity = identity::find(&options.device)?;
+        let name = identity.names[0].clone();
+        let (node, set_up) = set_up(&identity, &options).map_err(|error| error.at(&name))?;
+        // Its unit is 100 microseconds by definition.
+        let exposure_s =
+            node.control(sys::V4L2_CID_EXPOSURE_ABSOLUTE, false).ok().map(|ticks| ticks as f64 * 1e-4);
+        if !identity.names.contains(&options.device) {
+            tracing::info!("{}: this is {name}, by which it is found again after a loss", options.device);
+        }
+        let SetUp { pixel_format, layout, frame_rate_hz } = set_up;
+        Ok(Self {
+            options,
+            name,
+            pixel_format,
+            layout,
+            frame_rate_hz,
+            exposure_s,
+            exposure_control: None,
+            stream: None,
+        })
+    }
+
+    /// Its best stable name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What its frames are like.
+    pub fn format(&self) -> FrameFormat {
+        FrameFormat {
+            width: self.layout.width,
+            height: self.layout.height,
+            channels: self.layout.samples.channels(),
+            bayer: self.pixel_format.bayer,
+            is_codes: true,
+            latlong_centres: LatLongCentres::Half,
+            frame_rate_hz: self.frame_rate_hz,
+        }
+    }
+
+    /// Exposure in seconds, where the camera has V4L2's standard control for it.
+    pub fn exposure_s(&self) -> Option<f64> {
+        self.exposure_s
+    }
+
+    /// Says which control sets the exposure, and which values it is to take.
+    ///
+    /// # Errors
+    /// `Usage`: the camera has no such control or value. `LostDevice`: it does not answer.
+    pub fn choose_exposure_control(&mut self, name: &str, values: &[i64]) -> Result<()> {
+        let identity = identity::find(&self.name)?;
+        let node = Node::open(&identity.node).map_err(|error| self.lost("cannot be opened", error))?;
+        let control = control::find(&node, name).map_err(|error| error.at(&self.name))?;
+        for &value in values {
+            control.number(&ControlValue::Number(value)).map_err(|error| error.at(&self.name))?;
+        }
+        self.exposure_control = Some(control.id);
+        Ok(())
+    }
+
+    fn lost(&self, what: &str, error: io::Error) -> Error {
+        Error::lost_device(format!("camera {}: {what}", self.name)).because(error)
+    }
+
+    /// Copies the picture of a buffer; `None` when that is not possible.
+    fn read(&self, stream: &Stream, buffer: &Buffer, frame: &mut Frame) -> Option<BadBuffer> {
+        if buffer.is_faulty {
+            return Some(BadBuffer::Faulty);
+        }
+        (frame.width, frame.height) = (self.layout.width, self.layout.height);
+        frame.channels = self.layout.samples.channels();
+        frame.bayer = self.pixel_format.bayer;
+        if matches!(frame.pixels, Pixels::Radiance(_)) {
+            frame.pixels = Pixels::Codes(Vec::new());
+        }
+        let Pixels::Codes(codes) = &mut frame.pixels else { return Some(BadBuffer::Undecodable) };
+        (!self.layout.unpack(stream.bytes(buffer), codes)).then_some(BadBuffer::Short)
+    }
+}
+
+impl Camera for V4l2Camera {
+    fn start(&mut self) -> Result<()> {
+        self.stream = None;
+        let identity = identity::find(&self.name)?;
+        let (node, found) = set_up(&identity, &self.options).map_err(|error| error.at(&self.name))?;
+        let own =
+            SetUp { pixel_format: self.pixel_format, layout: self.layout, frame_rate_hz: self.frame_rate_hz };
+        if found != own {
+            return Err(Error::failed(format!(
+                "camera {}: came back with another format ({} {} x {} at {} Hz); start again",
+                self.name,
+                pixel_format::name(found.pixel_format.fourcc),
+                found.layout.width,
+                found.layout.height,
+                found.frame_rate_hz
+            )));
+        }
+        let stream = Stream::start(node, self.options.buffers)
+            .map_err(|error| self.lost("does not start to stream", error))?;
+        self.stream = Some(stream);
+        Ok(())
+    }
+
+    fn capture(&mut self, patience: Duration, frame: &mut Frame) -> Result<Captured> {
+        let Some(stream) = &mut self.stream else {
+            return Err(self.lost("is not started", io::ErrorKind::NotConnected.into()));
+        };
+        let buffer = match stream.dequeue(patience) {
+            Ok(Some(buffer)) => buffer,
+            Ok(None) => return Ok(Captured::Nothing),
+            Err(error) => return Err(self.lost("gives no more frames", error)),
+        };
+        let mark =
+            Mark { sequence: buffer.sequence, time_ns: buffer.time_ns.unwrap_or_else(monotonic_now_ns) };
+        let (Some(stream), name) = (&self.stream, &self.name) else { return Ok(Captured::Nothing) };
+        let bad = self.read(stream, &buffer, frame);
+        let queued = self.stream.as_mut().map_or(Ok(()), |stream| stream.queue(buffer));
+        queued.map_err(|error| {
+            Error::lost_device(format!("camera {name}: takes no buffer back")).because(error)
+        })?;
+        Ok(bad.map_or(Captured::Frame(mark), |bad| Captured::Bad(mark, bad)))
+    }
+
+    fn stop(&mut self) {
+        self.stream = None;
+    }
+}
+
+impl ExposureControl for V4l2Camera {
+    fn set_exposure(&mut self, value: i64) -> Result<()> {
+        let (Some(stream), Some(id)) = (&self.stream, self.exposure_control) else {
+            return Err(self.lost("is not started", io::ErrorKind::NotConnected.into()));
+        };
+        stream.node().set_control(id, value).map_err(|error| self.lost("refuses an exposure", error))
+    }
+}
+
+/// What a camera was found or made to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct SetUp {
+    pixel_format: PixelFormat,
+    layout: Layout,
+    frame_rate_hz: f64,
+}
+
+/// Opens the node and sets format, rate and controls.
+fn set_up(identity: &Identity, options: &V4l2Options) -> Result<(Node, SetUp)> {
+    if !identity.is_single_planar {
+        return Err(Error::usage(
+            "gives its frames in several planes only (V4L2's multi-planar interface), which is not supported",
+        ));
+    }
+    let node = Node::open(&identity.node).map_err(|error| gone("cannot be opened", error))?;
+    let (pixel_format, layout) = set_format(&node, options)?;
+    let frame_rate_hz = set_rate(&node, options.frame_rate_hz)?;
+    control::set(&node, &options.controls)?;
+    Ok((node, SetUp { pixel_format, layout, frame_rate_hz }))
+}
+
+fn gone(what: &str, error: io::Error) -> Error {
+    Error::lost_device(what).because(error)
+}
+
+/// Codes of the formats that the camera offers.
+pub(super) fn offered(node: &Node) -> io::Result<Vec<[u8; 4]>> {
+    let mut fourccs = Vec::new();
+    // More than any driver has; one that repeats itself is left then.
+    for index in 0..256 {
+        let Some(description) = node.format_description(index)? else { break };
+        fourccs.push(description.pixelformat.to_le_bytes());
+    }
+    Ok(fourccs)
+}
+
+fn set_format(node: &Node, options: &V4l2Options) -> Result<(PixelFormat, Layout)> {
+    let offered = offered(node).map_err(|error| gone("its formats cannot be listed", error))?;
+    let names = || offered.iter().map(|&fourcc| pixel_format::name(fourcc)).collect::<Vec<_>>().join(", ");
+    let wanted = match &options.format {
+        Some(name) => {
+            let known = pixel_format::fourcc(name).and_then(pixel_format::find);
+            known.ok_or_else(|| {
+                let all: Vec<_> =
+                    pixel_format::KNOWN.iter().map(|format| pixel_format::name(format.fourcc)).collect();
+                Error::usage(format!(
+                    "format \"{name}\" cannot be captured; the camera has {}, this program takes {}",
+                    names(),
+                    all.join(", ")
+                ))
+            })?
+        }
+        None => {
+            let best = pixel_format::KNOWN.iter().find(|format| offered.contains(&format.fourcc));
+            *best.ok_or_else(|| {
+                Error::usage(format!("none of its formats can be captured: it has {}", names()))
+            })?
+        }
+    };
+    let current = node.format().map_err(|error| gone("its format cannot be read", error))?;
+    let size = options.size.unwrap_or([current.width, current.height]);
+    let found = node
+        .set_format(pix_format(wanted.fourcc, size))
+        .map_err(|error| gone("its format cannot be set (is another program using it?)", error))?;
+    let fourcc = found.pixelformat.to_le_bytes();
+    if fourcc != wanted.fourcc {
+        return Err(Error::usage(format!(
+            "format \"{}\" was made {} by the driver; it has {}",
+            pixel_format::name(wanted.fourcc),
+            pixel_format::name(fourcc),
+            names()
+        )));
+    }
+    if options.size.is_some_and(|size| size != [found.width, found.height]) {
+        return Err(Error::usage(format!(
+            "size {} x {} was made {} x {} by the driver; `lightcast devices` lists the sizes",
+            size[0], size[1], found.width, found.height
+        )));
+    }
+    let (width, height) = (found.width as usize, found.height as usize);
+    if width == 0 || height == 0 || width > MAX_SIDE_PX || height > MAX_SIDE_PX || width * height > MAX_PIXELS
+    {
+        return Err(Error::usage(format!("frames of {width} x {height} pixels cannot be used")));
+    }
+    let least = wanted.samples.row_bytes(width);
+    let stride = found.bytesperline as usize;
+    if stride != 0 && stride < least {
+        return Err(Error::usage(format!("the driver says that rows of {width} pixels have {stride} bytes")));
+    }
+    let is_full_range = found.quantization == sys::v4l2_quantization_V4L2_QUANTIZATION_FULL_RANGE
+        || found.quantization == sys::v4l2_quantization_V4L2_QUANTIZATION_DEFAULT
+            && found.colorspace == sys::v4l2_colorspace_V4L2_COLORSPACE_JPEG;
+    Ok((wanted, Layout { samples: wanted.samples, width, height, stride: stride.max(least), is_full_range }))
+}
+
+/// Sets the rate if one is wanted; returns the driver's, 0 if it has none.
+fn set_rate(node: &Node, wanted_hz: Option<f64>) -> Result<f64> {
+    let read = |node: &Node| match node.interval() {
+        Ok((numerator, denominator)) if numerator > 0 => f64::from(denominator) / f64::from(numerator),
+        _ => 0.0,
+    };
+    let Some(wanted_hz) = wanted_hz else { return Ok(read(node)) };
+    // Whole and NTSC rates are exact in thousandths of a second and in units of 1001.
+    let (numerator, denominator) = if (wanted_hz - wanted_hz.round()).abs() < 1e-6 {
+        (1, wanted_hz.round() as u32)
+    } else {
+        (1001, (wanted_hz * 1001.0).round() as u32)
+    };
+    node.set_interval((numerator, denominator)).map_err(|error| {
+        Error::usage(format!("frame_rate_hz = {wanted_hz}: the driver has no rate to set; remove it"))
+            .because(error)
+    })?;
+    let found_hz = read(node);
+    // Drivers take the nearest rate that they have; 1 % is below what the filter's bands can tell apart.
+    if (found_hz - wanted_hz).abs() > 0.01 * wanted_hz {
+        return Err(Error::usage(format!(
+            "frame_rate_hz = {wanted_hz} was made {found_hz} by the driver; `lightcast devices` lists the rates"
+        )));
+    }
+    Ok(found_hz)
+}

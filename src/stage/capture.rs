@@ -1,0 +1,230 @@
+use crate::error::{Error, Kind, Result};
+use crate::image::Frame;
+use crate::rt::stage::{Flow, Stage, Tick};
+use crate::rt::{Clock, Counter, Metrics, Shutdown};
+use crate::source::{BadBuffer, Camera, Captured, Numbering};
+use std::time::Duration;
+
+/// How patient the stage is with a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patience {
+    /// A camera that gives nothing for so long is started again.
+    pub silence: Duration,
+    /// Wait before the second attempt to start a lost camera; doubled with every further one.
+    pub first_wait: Duration,
+    /// Longest wait between two attempts.
+    pub longest_wait: Duration,
+}
+
+impl Patience {
+    /// For a camera of this rate (0: unknown): five frames' time without a frame, at least two seconds, which a USB
+    /// camera may need to begin.
+    pub fn for_rate(frame_rate_hz: f64) -> Self {
+        // Rates are above 1e-9 Hz; the time then has 158 years at most.
+        let frames_s = if frame_rate_hz > 1e-9 { 5.0 / frame_rate_hz } else { 0.0 };
+        Self {
+            silence: Duration::from_secs_f64(frames_s.max(2.0)),
+            first_wait: Duration::from_millis(100),
+            longest_wait: Duration::from_secs(5),
+        }
+    }
+}
+
+/// Takes frames from a camera as they come. A camera that is lost (unplugged, silent, refusing) is started again, as
+/// often as it takes, with growing waits that a shutdown interrupts; the next frame's stamp tells the gap.
+///
+/// ```text
+///            start                  start succeeds
+/// ──▶ away ────────▶ (attempt) ────────────────────▶ streaming ──▶ frames
+///      ▲                 │ fails: wait, twice as long      │ lost or silent
+///      └─────────────────┴─────────────────────────────────┘
+/// ```
+///
+/// Its time per item includes the wait for the camera.
+pub struct Capture<C> {
+    camera: C,
+    patience: Patience,
+    clock: Clock,
+    shutdown: Shutdown,
+    state: State,
+    /// Attempts to start since the last good frame.
+    attempts: u32,
+    numbering: Numbering,
+    counters: Counters,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Has to be started.
+    Away,
+    /// Started; the last buffer, or the start, was at this time of the clock.
+    Streaming { heard_ns: i64 },
+}
+
+/// Frames that were lost, by who lost them. What slow readers lose is counted where they read.
+struct Counters {
+    /// Counted by the kernel and never given to us.
+    dropped_by_kernel: Counter,
+    /// Given to us and not used: one counter for each [`BadBuffer`].
+    faulty: Counter,
+    short: Counter,
+    undecodable: Counter,
+    out_of_order: Counter,
+    /// Not taken because the camera was away, by its rate.
+    missed_while_away: Counter,
+    /// Times that the camera had to be started again.
+    restarts: Counter,
+}
+
+/// Longest time in one wait for the camera: a request to end is seen between two waits.
+const GLANCE: Duration = Duration::from_millis(50);
+
+impl<C: Camera> Capture<C> {
+    /// Frames of `camera`, which takes `frame_rate_hz` (0: unknown); its losses go to named counters of `metrics`.
+    pub fn new(
+        camera: C,
+        frame_rate_hz: f64,
+        patience: Patience,
+        (clock, shutdown): (&Clock, &Shutdown),
+        metrics: &Metrics,
+    ) -> Self {
+        Self {
+            camera,
+            patience,
+            clock: clock.clone(),
+            shutdown: shutdown.clone(),
+            state: State::Away,
+            attempts: 0,
+            numbering: Numbering::new(frame_rate_hz),
+            counters: Counters::new(metrics),
+        }
+    }
+
+    /// One attempt to start, after the wait that is due.
+    fn start(&mut self) -> Result<()> {
+        let until_ns = self.clock.now_ns().saturating_add(self.wait_ns());
+        if self.attempts > 0 && !self.clock.wait_until(until_ns, &self.shutdown) {
+            return Ok(());
+        }
+        self.attempts = self.attempts.saturating_add(1);
+        match self.camera.start() {
+            Ok(()) => {
+                self.state = State::Streaming { heard_ns: self.clock.now_ns() };
+                Ok(())
+            }
+            Err(error) if error.kind() == Kind::LostDevice => {
+                // The first, second, fourth, eighth... time: a camera that is away for days does not fill the log.
+                if self.attempts.is_power_of_two() {
+                    tracing::warn!("{error}; trying again (attempt {})", self.attempts);
+                }
+                Ok(())
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Wait before the next attempt: the first comes at once, since most losses are hiccups.
+    fn wait_ns(&self) -> i64 {
+        let doublings = self.attempts.saturating_sub(1).min(16);
+        let wait = self.patience.first_wait.saturating_mul(1 << doublings).min(self.patience.longest_wait);
+        nanoseconds(wait)
+    }
+
+    fn lose(&mut self, error: &Error) {
+        tracing::warn!("{error}; starting it again");
+        self.counters.restarts.add(1);
+        self.camera.stop();
+        self.numbering.restart();
+        self.state = State::Away;
+    }
+
+    /// Waits once for the camera; whether `frame` has the next frame.
+    fn glance(&mut self, heard_ns: i64, frame: &mut Frame) -> Result<bool> {
+        let captured = match self.camera.capture(GLANCE, frame) {
+            Ok(captured) => captured,
+            Err(error) if error.kind() == Kind::LostDevice => {
+                self.lose(&error);
+                return Ok(false);
+            }
+            Err(error) => return Err(error),
+        };
+        let now_ns = self.clock.now_ns();
+        let numbered = match captured {
+            Captured::Nothing => {
+                if now_ns.saturating_sub(heard_ns) >= nanoseconds(self.patience.silence) {
+                    let seconds = self.patience.silence.as_secs_f64();
+                    self.lose(&Error::lost_device(format!("the camera gave nothing for {seconds} s")));
+                }
+                return Ok(false);
+            }
+            Captured::Bad(mark, reason) => {
+                self.numbering.skip(mark);
+                self.counters.of(reason).add(1);
+                None
+            }
+            Captured::Frame(mark) => {
+                let numbered = self.numbering.number(mark);
+                if numbered.is_none() {
+                    self.counters.out_of_order.add(1);
+                }
+                numbered
+            }
+        };
+        self.state = State::Streaming { heard_ns: now_ns };
+        let Some(numbered) = numbered else { return Ok(false) };
+        self.counters.dropped_by_kernel.add(numbered.dropped_by_kernel);
+        self.counters.missed_while_away.add(numbered.missed_while_away);
+        self.attempts = 0;
+        frame.stamp = numbered.stamp;
+        Ok(true)
+    }
+}
+
+impl<C: Camera> Stage for Capture<C> {
+    type Input = Tick;
+    type Output = Frame;
+
+    fn step(&mut self, _: &Tick, frame: &mut Frame) -> Result<Flow> {
+        while !self.shutdown.is_requested() {
+            match self.state {
+                State::Away => self.start()?,
+                State::Streaming { heard_ns } => {
+                    if self.glance(heard_ns, frame)? {
+                        return Ok(Flow::Send);
+                    }
+                }
+            }
+        }
+        Ok(Flow::End)
+    }
+}
+
+impl Counters {
+    fn new(metrics: &Metrics) -> Self {
+        let frames = |name| metrics.counter(name);
+        Self {
+            dropped_by_kernel: frames("frames dropped by the kernel"),
+            faulty: frames("faulty frames"),
+            short: frames("short frames"),
+            undecodable: frames("undecodable frames"),
+            out_of_order: frames("frames out of order"),
+            missed_while_away: frames("frames missed while the camera was away"),
+            restarts: frames("restarts of the camera"),
+        }
+    }
+
+    fn of(&self, reason: BadBuffer) -> &Counter {
+        match reason {
+            BadBuffer::Faulty => &self.faulty,
+            BadBuffer::Short => &self.short,
+            BadBuffer::Undecodable => &self.undecodable,
+        }
+    }
+}
+
+fn nanoseconds(time: Duration) -> i64 {
+    i64::try_from(time.as_nanos()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests;
