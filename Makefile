@@ -1,5 +1,6 @@
 # make demo      replays the bundled sequence; light lists, pictures and rendered frames in demo/
 # make test      formatting, lints, documentation, all tests
+# make test-camera  the camera against real kernel drivers, in an emulated guest; part of make test
 # make bench     speed of every step, as a table with the published figures beside it
 # make tables    error of the lights on the real maps, as tables
 # make pictures  error of rendered pictures against the number of lights, as tables and as the plot in replay/pictures
@@ -12,7 +13,7 @@
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test bench tables pictures speed path-tracer system-packages
+.PHONY: demo test test-camera bench tables pictures speed path-tracer system-packages
 
 system-packages:
 	@.ci/system-packages
@@ -31,6 +32,11 @@ test: system-packages
 	cargo clippy $(CARGO_FLAGS) --all-targets --no-default-features -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps
 	cargo test $(CARGO_FLAGS)
+	$(MAKE) --no-print-directory test-camera
+
+# One check alone: tests/camera_guest/boot NAME
+test-camera: system-packages
+	tests/camera_guest/boot
 
 bench: system-packages
 	cargo bench $(CARGO_FLAGS) --bench steps
