@@ -190,6 +190,30 @@ mod tests {
 
     #[cfg(feature = "camera")]
     #[test]
+    fn the_bundled_configuration_of_a_camera_is_sound_with_and_without_what_it_leaves_out() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/camera.toml");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let Source::Camera(_, None) =
+            parse(TomlText { path: path.clone(), text: text.clone() }).unwrap().source
+        else {
+            panic!("no camera");
+        };
+        // Lines of keys and tables, not of prose, are "# key = ..." and "# [table]".
+        let is_key = |line: &str| line.split_once(" = ").is_some_and(|(key, _)| !key.contains(' '));
+        let with_all: String = text
+            .lines()
+            .map(|line| match line.strip_prefix("# ") {
+                Some(rest) if is_key(rest) || rest.starts_with('[') => format!("{rest}\n"),
+                _ => format!("{line}\n"),
+            })
+            .collect();
+        let config = parse(TomlText { path, text: with_all }).unwrap();
+        let Source::Camera(camera, Some(bracket)) = config.source else { panic!("no bracket") };
+        assert_eq!((camera.controls.len(), camera.size, bracket.values.len()), (3, Some([1280, 720]), 3));
+    }
+
+    #[cfg(feature = "camera")]
+    #[test]
     fn a_camera_is_live_and_its_controls_have_names() {
         use crate::source::v4l2::{ControlValue, V4l2Options};
         let text = "[source]\nkind = \"camera\"\ndevice = \"cam\"\nformat = \"Y12\"\nsize = [1280, 720]\n\
