@@ -1,4 +1,5 @@
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// When and where in its sequence something was captured. Travels with the data from the source to the client.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -46,6 +47,13 @@ impl Bayer {
             Self::Gbrg => [1, 2, 0, 1],
             Self::Bggr => [2, 1, 1, 0],
         }
+    }
+}
+
+impl fmt::Display for Bayer {
+    /// As files write it: `RGGB`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        self.channels().into_iter().try_for_each(|channel| f.write_str(["R", "G", "B"][channel]))
     }
 }
 
