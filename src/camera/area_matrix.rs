@@ -5,12 +5,11 @@
 //! bytes per chunk, are added up in four lanes, and the lanes once per band and map pixel. The map, small against
 //! picture and matrix, is what is accessed out of order.
 
-use super::Projection;
 use super::band_kernels::{BandMatrix, CHUNKS_MAX, Group, LANES, PLANE, add_band};
 use super::footprints::Footprints;
 use super::overlap::OverlapGrid;
 use crate::image::PolarShape;
-use glam::{DMat3, Vec4};
+use glam::Vec4;
 use std::ops::Range;
 
 /// Pixels of a band, unless one row has more: their numbers have 16 bits, a plane of their radiance takes 128 KiB of
@@ -58,17 +57,16 @@ struct Part {
 }
 
 impl AreaMatrix {
-    /// Computes the weights of a picture whose size, rotation and map have been checked. `share` multiplies them: the
-    /// part of its channel's radiance that comes from this picture. What the picture sees of every map pixel, whatever
-    /// its share, is added to `coverage_sr`.
+    /// Computes the weights of a picture's pixels, for sizes that have been checked. `share` multiplies them: the part
+    /// of its channel's radiance that comes from this picture. What the picture sees of every map pixel, whatever its
+    /// share, is added to `coverage_sr`.
     pub(super) fn new(
-        projection: &Projection,
-        world_from_camera: DMat3,
+        mut footprints: Footprints,
         shape: PolarShape,
         share: f64,
         coverage_sr: &mut [f64],
     ) -> Self {
-        let (width, height) = (projection.width(), projection.height());
+        let [width, height] = footprints.size();
         // A row alone has 65,535 pixels at most.
         let band_rows = (BAND_PIXELS / width).clamp(1, height);
         let mut matrix = Self {
@@ -84,7 +82,7 @@ impl AreaMatrix {
         };
         let mut grid = OverlapGrid::new(shape);
         let mut overlaps: Vec<Overlap> = Vec::new();
-        Footprints::new(projection, world_from_camera).for_each(|row, column, polygon| {
+        footprints.for_each(|row, column, polygon| {
             while matrix.bands.len() < row / band_rows {
                 matrix.end_band(share, &mut overlaps);
             }

@@ -11,6 +11,7 @@
 
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes, decode_radiance};
+use super::footprints::Footprints;
 use super::mosaic::Mosaic;
 use super::{ColourMatrix, PixelCounts, Projection, Response};
 use crate::error::{Error, Result};
@@ -50,7 +51,8 @@ impl FrameToPolar {
     pub fn new(projection: &Projection, world_from_camera: DMat3, shape: PolarShape) -> Result<Self> {
         let world_from_camera = check(projection, world_from_camera, shape)?;
         let mut coverage_sr = vec![0.0; shape.len()];
-        let matrix = AreaMatrix::new(projection, world_from_camera, shape, 1.0, &mut coverage_sr);
+        let footprints = Footprints::new(projection, world_from_camera);
+        let matrix = AreaMatrix::new(footprints, shape, 1.0, &mut coverage_sr);
         Ok(Self::with_weights(projection, shape, Weights::Whole(Box::new(matrix)), &coverage_sr))
     }
 
@@ -103,9 +105,8 @@ impl FrameToPolar {
     }
 
     /// Fraction of every map pixel's solid angle that the frame sees, row-major. Where it is below 1, at the rim
-    /// of the lens, the map is dimmer by as much: the energy is kept, not made up. Of a mosaic it is the mean of its
-    /// four pictures, which differ only where the border of the frame lies inside the field of view: there their
-    /// pixels end half a pixel of the frame before or behind it.
+    /// of the lens, the map is dimmer by as much: the energy is kept, not made up. It is
+    /// the same for all colours of a mosaic.
     pub fn coverage(&self) -> &[f32] {
         &self.coverage
     }

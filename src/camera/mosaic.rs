@@ -4,10 +4,12 @@
 //! and high. Its pixels have the area of four and the centre of the one that saw the light, so every picture tiles the
 //! field of view: constants and power are kept colour by colour, and no colour is moved against another. A picture of
 //! pixels that begin where the period begins would move it by half a pixel of the frame.
+//! At the border of the frame the pixels are cut or drawn out, so that all four pictures see the same field.
 
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes_of_pairs};
-use super::{Lens, LensParameters, PixelCounts, Projection};
+use super::footprints::Footprints;
+use super::{LensParameters, PixelCounts, Projection};
 use crate::error::{Error, Result};
 use crate::image::{Bayer, PolarShape};
 use glam::DMat3;
@@ -33,8 +35,8 @@ struct Plane {
 }
 
 impl Mosaic {
-    /// Computes the weights; projection, rotation and map have been checked. The mean of what the four pictures see of
-    /// every map pixel is added to `coverage_sr`.
+    /// Computes the weights; projection, rotation and map have been checked. What the frame sees of every
+    /// map pixel, with each of its colours, is added to `coverage_sr`.
     pub(super) fn new(
         projection: &Projection,
         bayer: Bayer,
@@ -57,12 +59,13 @@ impl Mosaic {
         }
         let channels = bayer.channels();
         let mut planes = Vec::with_capacity(4);
+        // The four see the same, but for rounding.
         let mut seen_sr = vec![0.0; shape.len()];
         for place in 0..4 {
             let (column, row, channel) = (place % 2, place / 2, channels[place]);
             let share = 1.0 / channels.iter().filter(|other| **other == channel).count() as f64;
-            let projection = Projection::Fisheye(plane_lens(lens, column, row)?);
-            let matrix = AreaMatrix::new(&projection, world_from_camera, shape, share, &mut seen_sr);
+            let footprints = Footprints::of_place(projection, world_from_camera, [column, row]);
+            let matrix = AreaMatrix::new(footprints, shape, share, &mut seen_sr);
             planes.push(Plane { column, row, channel, matrix });
         }
         for (coverage, seen) in coverage_sr.iter_mut().zip(seen_sr) {
@@ -106,21 +109,6 @@ impl Mosaic {
         }
         counts
     }
-}
-
-/// The lens of the picture that the pixels of one place make: centres at half-integers go to centres at half-integers,
-/// the first pixel's centre (column + 0.5, row + 0.5) to (0.5, 0.5).
-fn plane_lens(lens: &Lens, column: usize, row: usize) -> Result<Lens> {
-    let whole = *lens.parameters();
-    Lens::new(LensParameters {
-        width: whole.width / 2,
-        height: whole.height / 2,
-        fx: 0.5 * whole.fx,
-        fy: 0.5 * whole.fy,
-        cx: 0.5 * (whole.cx - column as f64 + 0.5),
-        cy: 0.5 * (whole.cy - row as f64 + 0.5),
-        ..whole
-    })
 }
 
 /// A stretch of pixels of a picture, row by row.
