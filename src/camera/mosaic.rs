@@ -123,10 +123,10 @@ mod tests {
 
     #[test]
     fn stretches_are_split_where_rows_end() {
-        let split = |pixels| split_at_rows(pixels, 10).collect::<Vec<_>>();
-        assert_eq!(split(3..7), [3..7]);
-        assert_eq!(split(3..10), [3..10]);
-        assert_eq!(split(10..11), [10..11]);
-        assert_eq!(split(8..32), [8..10, 10..20, 20..30, 30..32]);
+        let split = |pixels| split_at_rows(pixels, 10).map(|row| (row.start, row.end)).collect::<Vec<_>>();
+        assert_eq!(split(3..7), [(3, 7)]);
+        assert_eq!(split(3..10), [(3, 10)]);
+        assert_eq!(split(10..11), [(10, 11)]);
+        assert_eq!(split(8..32), [(8, 10), (10, 20), (20, 30), (30, 32)]);
     }
 }
