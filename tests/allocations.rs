@@ -6,7 +6,7 @@ use lightcast::camera::{
     FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel,
 };
 use lightcast::error::Result;
-use lightcast::image::{Frame, Pixels, PolarMap, PolarShape, Stamp};
+use lightcast::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
 use lightcast::light::{Extractor, LightList, Options, Sampler};
 use lightcast::rt::link::bounded;
 use lightcast::rt::stage::{Flow, Nowhere, Stage, Tick, Ticks, run};
@@ -110,18 +110,21 @@ impl<S> Drop for Counted<'_, S> {
 }
 
 /// Raw 640 x 480 codes in which a bright spot moves.
-struct Camera(u64);
+struct Camera {
+    number: u64,
+    bayer: Option<Bayer>,
+}
 
 impl Stage for Camera {
     type Input = Tick;
     type Output = Frame;
 
     fn step(&mut self, _: &Tick, frame: &mut Frame) -> Result<Flow> {
-        if self.0 == FRAMES {
+        if self.number == FRAMES {
             return Ok(Flow::End);
         }
-        let number = self.0;
-        self.0 += 1;
+        let number = self.number;
+        self.number += 1;
         let code = |index: u64| {
             let (row, column) = (index / 640, index % 640);
             let spot = (200 + number, 250 + 2 * number);
@@ -137,7 +140,7 @@ impl Stage for Camera {
             width: 640,
             height: 480,
             channels: 1,
-            bayer: None,
+            bayer: self.bayer,
             pixels: Pixels::Codes((0..640 * 480).map(code).collect()),
         };
         Ok(Flow::Send)
@@ -157,7 +160,7 @@ impl Stage for End {
 }
 
 /// Allocations of calibrate, light and filter over the frames after the warm-up.
-fn allocations(sampler: Sampler, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
+fn allocations(sampler: Sampler, bayer: Option<Bayer>, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
     let shape = PolarShape::hemisphere(360, 90);
     let lens = Lens::new(LensParameters {
         width: 640,
@@ -172,7 +175,11 @@ fn allocations(sampler: Sampler, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations
     .unwrap();
     let response =
         Response::new(ResponseModel::Linear { black_level: 64, white_level: 4095, gain: 1e-3 }).unwrap();
-    let frame_to_polar = FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).unwrap();
+    let projection = Projection::Fisheye(lens);
+    let frame_to_polar = match bayer {
+        None => FrameToPolar::new(&projection, LOOKING_UP, shape).unwrap(),
+        Some(bayer) => FrameToPolar::mosaic(&projection, bayer, LOOKING_UP, shape).unwrap(),
+    };
     let extractor = Extractor::new(shape, &Options { count: 300, sampler, ..Options::default() }).unwrap();
     let filter = LightFilter::new(&FilterOptions::default()).unwrap();
 
@@ -187,7 +194,10 @@ fn allocations(sampler: Sampler, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations
     let disturbed = Disturbed { stage: Filter(filter), disturb, taken: Vec::with_capacity(1000) };
     std::thread::scope(|scope| {
         let (clock, shutdown, metrics) = (&clock, &shutdown, &metrics);
-        scope.spawn(|| run(Camera(0), Ticks(shutdown.clone()), frames_in, clock, shutdown, &metrics[0]));
+        scope.spawn(|| {
+            let camera = Camera { number: 0, bayer };
+            run(camera, Ticks(shutdown.clone()), frames_in, clock, shutdown, &metrics[0])
+        });
         scope.spawn(|| {
             let stage = Counted::new(Calibrate::new(frame_to_polar, response, &metrics[1]), of_calibrate);
             run(stage, frames_out, maps_in, clock, shutdown, &metrics[1])
@@ -224,8 +234,10 @@ impl Stage for Disturbed {
 
 #[test]
 fn a_frame_in_the_steady_state_allocates_nothing() {
-    for sampler in [Sampler::Persistent, Sampler::Refined, Sampler::EqualPower] {
-        let counts = allocations(sampler, |_| ());
+    for (sampler, bayer) in
+        [(Sampler::Persistent, None), (Sampler::Refined, Some(Bayer::Rggb)), (Sampler::EqualPower, None)]
+    {
+        let counts = allocations(sampler, bayer, |_| ());
         println!("{sampler:?}, {} frames, calibrate, light, filter: {counts:?}", FRAMES - WARM_UP);
         for count in counts {
             assert_eq!(count.in_steps, 0, "{sampler:?}: {counts:?}");
@@ -236,6 +248,6 @@ fn a_frame_in_the_steady_state_allocates_nothing() {
 
 #[test]
 fn one_allocation_a_frame_is_seen() {
-    let counts = allocations(Sampler::Persistent, |taken| taken.push(vec![1]));
+    let counts = allocations(Sampler::Persistent, None, |taken| taken.push(vec![1]));
     assert_eq!(counts.map(|count| count.in_steps), [0, 0, FRAMES - WARM_UP]);
 }

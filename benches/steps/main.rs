@@ -10,7 +10,7 @@ mod table;
 
 use criterion::{BatchSize, Criterion};
 use lightcast::camera::{FrameToPolar, LOOKING_UP, Projection};
-use lightcast::image::{PolarMap, PolarShape, luminance};
+use lightcast::image::{Bayer, Frame, PolarMap, PolarShape, luminance};
 use lightcast::light::error::ListError;
 use lightcast::light::{
     Extractor, LightList, MapIrradiance, NearestSites, Options, RegionLists, Regions, cluster,
@@ -34,8 +34,9 @@ fn main() {
     let mut table = table::Table::default();
     for shape in [PolarShape::hemisphere(360, 90), PolarShape::hemisphere(1440, 360)] {
         for size in [(640, 480), (2880, 2880)] {
-            calibrate(&mut criterion, &mut table, size, shape);
+            calibrate(&mut criterion, &mut table, size, None, shape);
         }
+        calibrate(&mut criterion, &mut table, (2880, 2880), Some(Bayer::Rggb), shape);
     }
     for shape in [PolarShape::hemisphere(360, 90), PolarShape::hemisphere(1440, 360)] {
         lights(&mut criterion, &mut table, shape);
@@ -50,21 +51,27 @@ fn name_of(shape: PolarShape) -> String {
     format!("{}x{}", shape.columns, shape.rows)
 }
 
-/// Raw frame to polar map, and the reading of as many bytes.
+/// Raw frame, of a mosaic sensor or not, to polar map, and the reading of as many bytes.
 fn calibrate(
     criterion: &mut Criterion,
     table: &mut table::Table,
     (width, height): (usize, usize),
+    bayer: Option<Bayer>,
     shape: PolarShape,
 ) {
     let (lens, response) = (scene::lens(width, height), scene::response());
-    let mut matrix =
-        FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).expect("lens and map are sound");
-    let frame = scene::raw_frame(&lens, &response, 0);
+    let projection = Projection::Fisheye(lens);
+    let matrix = match bayer {
+        None => FrameToPolar::new(&projection, LOOKING_UP, shape),
+        Some(bayer) => FrameToPolar::mosaic(&projection, bayer, LOOKING_UP, shape),
+    };
+    let mut matrix = matrix.expect("lens and map are sound");
+    let frame = Frame { bayer, ..scene::raw_frame(&lens, &response, 0) };
     let mut map = PolarMap::black(shape);
     let bytes = matrix.streamed_bytes() + 2 * width * height;
     let words = vec![1u64; bytes / 8];
-    let name = format!("{width}x{height} to {}", name_of(shape));
+    let colours = bayer.map(|bayer| format!(" {bayer}")).unwrap_or_default();
+    let name = format!("{width}x{height}{colours} to {}", name_of(shape));
 
     let mut group = criterion.benchmark_group("calibrate");
     group.bench_function(&name, |bencher| {

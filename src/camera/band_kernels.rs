@@ -113,6 +113,40 @@ fn decode_codes_body<const CHANNELS: usize>(
     PixelCounts { saturated: saturated.into(), black_clipped: black_clipped.into(), ..PixelCounts::default() }
 }
 
+/// Raw codes of one pixel of every pair (`place` 0 or 1) to radiance: a row of a mosaic has two colours in turn.
+#[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
+pub(super) fn decode_codes_of_pairs(
+    pairs: &[[u16; 2]],
+    place: usize,
+    (table, black_clip_code): (&[f32], u16),
+    plane: &mut [f32],
+) -> PixelCounts {
+    match place {
+        0 => decode_codes_of_pairs_body::<0>(pairs, table, black_clip_code, plane),
+        _ => decode_codes_of_pairs_body::<1>(pairs, table, black_clip_code, plane),
+    }
+}
+
+#[inline(always)]
+fn decode_codes_of_pairs_body<const PLACE: usize>(
+    pairs: &[[u16; 2]],
+    table: &[f32],
+    black_clip_code: u16,
+    plane: &mut [f32],
+) -> PixelCounts {
+    let top = (table.len() - 1) as u16;
+    let brightest = table[table.len() - 1];
+    let (mut saturated, mut black_clipped) = (0u16, 0u16);
+    for pair in pairs {
+        saturated += u16::from(pair[PLACE] >= top);
+        black_clipped += u16::from(pair[PLACE] <= black_clip_code);
+    }
+    for (radiance, pair) in plane[..pairs.len()].iter_mut().zip(pairs) {
+        *radiance = table.get(usize::from(pair[PLACE])).copied().unwrap_or(brightest);
+    }
+    PixelCounts { saturated: saturated.into(), black_clipped: black_clipped.into(), ..PixelCounts::default() }
+}
+
 /// Radiance of pixels with `channels` interleaved channels to planes, without what is no radiance.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn decode_radiance(samples: &[f32], channels: usize, planes: &mut [f32]) -> PixelCounts {
@@ -222,6 +256,23 @@ mod tests {
             };
             assert_eq!((counts, &chosen), (expected, &plain));
             assert!(counts.nan > 0 && counts.infinite > 0 && counts.negative > 0);
+        }
+
+        let (pairs, _) = codes.as_chunks::<2>();
+        for place in 0..2 {
+            // As a frame of one channel with every second code.
+            let own: Vec<u16> = pairs.iter().map(|pair| pair[place]).collect();
+            let (mut chosen, mut plain, mut expected) =
+                (vec![0.0; PLANE], vec![0.0; PLANE], vec![0.0; PLANE]);
+            let counts = decode_codes_of_pairs(pairs, place, (&table, 40), &mut chosen);
+            let of_plain = match place {
+                0 => decode_codes_of_pairs_body::<0>(pairs, &table, 40, &mut plain),
+                _ => decode_codes_of_pairs_body::<1>(pairs, &table, 40, &mut plain),
+            };
+            let of_expected = decode_codes_body::<1>(&own, &table, 40, &mut expected);
+            assert_eq!((counts, of_plain), (of_expected, of_expected));
+            assert_eq!((&chosen, &plain), (&expected, &expected));
+            assert!(counts.saturated > 0 && counts.black_clipped > 0);
         }
     }
 

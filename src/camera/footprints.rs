@@ -2,6 +2,13 @@
 //!
 //! Neighbouring pixels share the polyline of the edge between them, so the polygons tile the field of view
 //! without gaps or overlaps. A pixel that the rim of the lens cuts is closed along the rim.
+//!
+//! Of a mosaic, the pixels of one place in its period of two columns and rows have the area of four about their own
+//! centres, and so tile the field of view by themselves. Those at the border of the frame end with it, on whichever side
+//! of it the four would: all places see the same field.
+
+#[cfg(test)]
+mod tests;
 
 use super::chart::{ChartPoint, SkyPoint, append_curve, close_loop, push_point, turn_rad};
 use super::{Lens, Projection};
@@ -57,6 +64,8 @@ struct Corner {
 pub(super) struct Footprints<'a> {
     projection: &'a Projection,
     world_from_camera: DMat3,
+    /// Column and row in the period of a mosaic of the pixels to walk over; `None`: all pixels.
+    place: Option<[usize; 2]>,
     /// Lattice cells per pixel and side.
     subdivision: usize,
     /// Angle of the last ray: the next one is near.
@@ -65,15 +74,30 @@ pub(super) struct Footprints<'a> {
 
 impl<'a> Footprints<'a> {
     pub(super) fn new(projection: &'a Projection, world_from_camera: DMat3) -> Self {
-        let side = projection.width().min(projection.height());
-        Self { projection, world_from_camera, subdivision: LATTICE_SIDE_MIN.div_ceil(side), theta_rad: 0.0 }
+        Self { projection, world_from_camera, place: None, subdivision: 1, theta_rad: 0.0 }.subdivided()
+    }
+
+    /// Only every second column and row, from a place in the period of a mosaic on: the pixels of a picture of half the
+    /// size. Width and height of the projection, a fisheye, are even.
+    pub(super) fn of_place(projection: &'a Projection, world_from_camera: DMat3, place: [usize; 2]) -> Self {
+        Self { place: Some(place), ..Self::new(projection, world_from_camera) }.subdivided()
+    }
+
+    fn subdivided(self) -> Self {
+        let [width, height] = self.size();
+        Self { subdivision: LATTICE_SIDE_MIN.div_ceil(width.min(height)), ..self }
+    }
+
+    /// Width and height of the picture whose pixels are walked over.
+    pub(super) fn size(&self) -> [usize; 2] {
+        let per_period = if self.place.is_some() { 2 } else { 1 };
+        [self.projection.width() / per_period, self.projection.height() / per_period]
     }
 
     /// Calls `visit(row, column, polygon)` for every piece of every pixel that is seen, row by row; a pixel of
     /// a small frame comes in several pieces.
     pub(super) fn for_each(&mut self, mut visit: impl FnMut(usize, usize, &[ChartPoint])) {
-        let columns = self.projection.width() * self.subdivision;
-        let rows = self.projection.height() * self.subdivision;
+        let [columns, rows] = self.size().map(|side| side * self.subdivision);
         let (mut above, mut below, mut upright) =
             (EdgeLine::default(), EdgeLine::default(), EdgeLine::default());
         let (mut corners_above, mut corners_below) = (Vec::new(), Vec::new());
@@ -119,7 +143,12 @@ impl<'a> Footprints<'a> {
     /// Frame position of a lattice point.
     fn position(&self, point: [usize; 2]) -> DVec2 {
         // Divided, not multiplied: whole pixels stay whole numbers.
-        DVec2::new(point[0] as f64, point[1] as f64) / self.subdivision as f64
+        let position = DVec2::new(point[0] as f64, point[1] as f64) / self.subdivision as f64;
+        let Some(place) = self.place else { return position };
+        DVec2::new(
+            position_of_place(position.x, place[0], self.projection.width()),
+            position_of_place(position.y, place[1], self.projection.height()),
+        )
     }
 
     fn corners(&mut self, line: usize, columns: usize, corners: &mut Vec<Option<Corner>>) {
@@ -283,6 +312,20 @@ impl<'a> Footprints<'a> {
     }
 }
 
+/// Frame position, along one side of `count` pixels, of a position in the picture of every second pixel from `first`
+/// on: its pixels reach from half a pixel before the pixels that they stand for to half a pixel behind the next one, the
+/// outermost to the border of the frame.
+fn position_of_place(position: f64, first: usize, count: usize) -> f64 {
+    let last = count / 2;
+    let border = |pixel: usize| match pixel {
+        0 => 0.0,
+        pixel if pixel == last => count as f64,
+        pixel => (2 * pixel + first) as f64 - 0.5,
+    };
+    let pixel = (position as usize).min(last - 1);
+    border(pixel) + (position - pixel as f64) * (border(pixel + 1) - border(pixel))
+}
+
 /// Appends a polyline without changing its turns: its first point is unwrapped against the last of the polygon.
 fn append_polyline(polygon: &mut Vec<ChartPoint>, points: &[ChartPoint], backwards: bool) {
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
@@ -311,88 +354,4 @@ fn part_inside(lens: &Lens, from: DVec2, to: DVec2) -> Option<[f64; 2]> {
     let fraction = |position: f64| ((position - start) / (end - start)).clamp(0.0, 1.0);
     let (enter, leave) = (fraction(-half), fraction(half));
     (leave > enter).then_some([enter, leave])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::camera::{LOOKING_UP, LensParameters};
-    use crate::image::LatLongCentres;
-    use std::f64::consts::PI;
-
-    fn area(points: &[ChartPoint]) -> f64 {
-        points.windows(2).map(|p| 0.5 * (p[0][1] + p[1][1]) * (p[1][0] - p[0][0])).sum()
-    }
-
-    fn lens(width: usize, height: usize, f: f64, centre: (f64, f64), field_of_view_deg: f64) -> Projection {
-        Projection::Fisheye(
-            Lens::new(LensParameters {
-                width,
-                height,
-                fx: f,
-                fy: 1.01 * f,
-                cx: centre.0,
-                cy: centre.1,
-                k: [0.01, -0.002, 0.0, 0.0],
-                field_of_view_rad: field_of_view_deg.to_radians(),
-            })
-            .unwrap(),
-        )
-    }
-
-    fn tilted() -> DMat3 {
-        DMat3::from_rotation_x(0.7) * DMat3::from_rotation_y(2.1) * LOOKING_UP
-    }
-
-    #[test]
-    fn footprints_fill_the_field_of_view_also_with_the_pole_on_corners_and_edges() {
-        for field_of_view_deg in [20.0, 180.0, 220.0, 360.0] {
-            for centre in [(32.0, 32.0), (32.0, 31.5), (32.37, 31.81)] {
-                for rotation in [LOOKING_UP, tilted(), DMat3::IDENTITY] {
-                    let projection = lens(64, 64, 8.0, centre, field_of_view_deg);
-                    let mut sum = 0.0;
-                    Footprints::new(&projection, rotation).for_each(|_, _, polygon| {
-                        let area = area(polygon);
-                        assert!(area > -1e-9, "{area}");
-                        sum += area;
-                    });
-                    let theta_max = 0.5 * field_of_view_deg.to_radians();
-                    let cap = TAU * (1.0 - theta_max.cos());
-                    // Only the rim is not shared: its arcs err by the edge tolerance.
-                    assert!((sum / cap - 1.0).abs() < 1e-4, "{field_of_view_deg} {centre:?}: {}", sum / cap);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn lat_long_footprints_fill_the_sphere_turned_or_not_and_down_to_one_pixel() {
-        for (width, height) in [(64, 32), (1, 1), (2, 1), (5, 3)] {
-            for centres in [LatLongCentres::Half, LatLongCentres::Ends] {
-                for rotation in [DMat3::IDENTITY, DMat3::from_rotation_y(1.0), tilted()] {
-                    let projection = Projection::LatLong { width, height, centres };
-                    let mut sum = 0.0;
-                    Footprints::new(&projection, rotation).for_each(|_, _, polygon| sum += area(polygon));
-                    assert!(
-                        (sum / (4.0 * PI) - 1.0).abs() < 1e-9,
-                        "{width} x {height}: {}",
-                        sum / (4.0 * PI)
-                    );
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_field_of_view_inside_one_pixel_is_seen_whole() {
-        let projection = lens(64, 64, 8.0, (10.4, 20.6), 1.0);
-        let mut seen = Vec::new();
-        Footprints::new(&projection, tilted()).for_each(|row, column, polygon| {
-            seen.push((row, column, area(polygon)));
-        });
-        let cap = TAU * (1.0 - 0.5f64.to_radians().cos());
-        assert_eq!(seen.len(), 1);
-        assert_eq!((seen[0].0, seen[0].1), (20, 10));
-        assert!((seen[0].2 / cap - 1.0).abs() < 1e-3, "{}", seen[0].2 / cap);
-    }
 }

@@ -6,25 +6,18 @@
 //! cylinder where map pixels are rectangles (`overlap`).
 //!
 //! A frame is streamed once, in bands of rows that are turned into radiance in a buffer that stays in the
-//! second-level cache. A band's part of the matrix is ordered by map pixel: chunks of four neighbouring pixels, with
-//! a weight per pixel and two bytes per chunk, are added up in four lanes, and the lanes once per band and map pixel.
-//! The map, small against frame and matrix, is what is accessed out of order.
+//! second-level cache (`area_matrix`). A mosaic is not demosaiced: its pixels of one place make a picture of their own
+//! (`mosaic`), and every colour comes straight from the pixels that saw it.
 
-use super::band_kernels::{
-    BandMatrix, CHUNKS_MAX, Group, LANES, PLANE, add_band, decode_codes, decode_radiance,
-};
+use super::area_matrix::AreaMatrix;
+use super::band_kernels::{PLANE, decode_codes, decode_radiance};
 use super::footprints::Footprints;
-use super::overlap::OverlapGrid;
-use super::{PixelCounts, Projection, Response};
+use super::mosaic::Mosaic;
+use super::{ColourMatrix, PixelCounts, Projection, Response};
 use crate::error::{Error, Result};
-use crate::image::{Frame, Pixels, PolarMap, PolarShape};
-use glam::{DMat3, DQuat, Vec4};
+use crate::image::{Bayer, Frame, Pixels, PolarMap, PolarShape};
+use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::PI;
-use std::ops::Range;
-
-/// Pixels of a band, unless one row has more: their numbers have 16 bits, a plane of their radiance takes 128 KiB of
-/// the second-level cache, and most map pixels have all of their rows in one or two bands.
-const BAND_PIXELS: usize = 1 << 15;
 
 /// The sparse matrix from a frame's pixels to a polar map's, for one lens, rotation and map.
 #[derive(Clone, Debug)]
@@ -32,44 +25,20 @@ pub struct FrameToPolar {
     width: usize,
     height: usize,
     shape: PolarShape,
-    /// Rows of the frame in a band; the last band may have fewer.
-    band_rows: usize,
-    bands: Vec<BandEnds>,
-    /// Stretches of pixels that the map sees, numbered through the frame.
-    spans: Vec<Range<u32>>,
-    groups: Vec<Group>,
-    cells: Vec<u32>,
-    starts: Vec<u16>,
-    weights: Vec<Vec4>,
+    weights: Weights,
     coverage: Vec<f32>,
-    /// Radiance of the current band, one plane per channel.
+    rec709_from_sensor: Option<ColourMatrix>,
+    /// Radiance of the current band, one plane per channel of the frame.
     radiance: Vec<f32>,
     /// Map under construction, one plane per channel. In f64: a map pixel may be the sum of thousands of parts.
     sums: Vec<f64>,
 }
 
-/// Where a band's parts of the lists end; they start where the band before ended.
-#[derive(Clone, Copy, Debug, Default)]
-struct BandEnds {
-    spans: usize,
-    groups: usize,
-    cells: usize,
-    chunks: usize,
-}
-
-/// Overlap of one pixel of the current band with one map pixel.
-#[derive(Clone, Copy, Debug)]
-struct Overlap {
-    cell: u32,
-    /// Number in the band.
-    pixel: u16,
-    solid_angle_sr: f64,
-}
-
-/// Part of a map pixel: the chunks of one sum.
-struct Part {
-    cell: u32,
-    chunks: Range<usize>,
+#[derive(Clone, Debug)]
+enum Weights {
+    /// All channels of a pixel in one place.
+    Whole(Box<AreaMatrix>),
+    Mosaic(Mosaic),
 }
 
 impl FrameToPolar {
@@ -80,109 +49,54 @@ impl FrameToPolar {
     /// `Usage` for a matrix that is no rotation, for sizes beyond 65,535 a side or 2^27 pixels in all (frame and
     /// map), and for a map without pixels or beyond the sphere.
     pub fn new(projection: &Projection, world_from_camera: DMat3, shape: PolarShape) -> Result<Self> {
-        projection.check_size()?;
-        let world_from_camera = rotation(world_from_camera)?;
-        check_shape(shape)?;
-        let (width, height) = (projection.width(), projection.height());
-        // A row alone has 65,535 pixels at most.
-        let band_rows = (BAND_PIXELS / width).clamp(1, height);
-        let mut matrix = Self {
-            width,
-            height,
-            shape,
-            band_rows,
-            bands: Vec::with_capacity(height.div_ceil(band_rows)),
-            spans: Vec::new(),
-            groups: Vec::new(),
-            cells: Vec::new(),
-            starts: Vec::new(),
-            weights: Vec::new(),
-            coverage: Vec::new(),
-            radiance: vec![0.0; 3 * PLANE],
-            sums: vec![0.0; 3 * shape.len()],
-        };
-        let mut coverage_sr = vec![0.0f64; shape.len()];
-        let mut grid = OverlapGrid::new(shape);
-        let mut overlaps: Vec<Overlap> = Vec::new();
-        Footprints::new(projection, world_from_camera).for_each(|row, column, polygon| {
-            while matrix.bands.len() < row / band_rows {
-                matrix.end_band(&mut overlaps);
-            }
-            let pixel = (row % band_rows * width + column) as u16;
-            grid.overlaps(polygon, |cell, solid_angle_sr| {
-                coverage_sr[cell] += solid_angle_sr;
-                overlaps.push(Overlap { cell: cell as u32, pixel, solid_angle_sr });
-            });
-        });
-        while matrix.bands.len() < height.div_ceil(band_rows) {
-            matrix.end_band(&mut overlaps);
-        }
-        matrix.cells.shrink_to_fit();
-        matrix.starts.shrink_to_fit();
-        matrix.weights.shrink_to_fit();
-        matrix.coverage = coverage_sr
-            .iter()
-            .enumerate()
-            .map(|(cell, sr)| (sr / shape.pixel_solid_angle(cell / shape.columns)) as f32)
-            .collect();
-        Ok(matrix)
+        let world_from_camera = check(projection, world_from_camera, shape)?;
+        let mut coverage_sr = vec![0.0; shape.len()];
+        let footprints = Footprints::new(projection, world_from_camera);
+        let matrix = AreaMatrix::new(footprints, shape, 1.0, &mut coverage_sr);
+        Ok(Self::with_weights(projection, shape, Weights::Whole(Box::new(matrix)), &coverage_sr))
     }
 
-    /// Turns the overlaps of a band into its matrix, and empties them.
-    fn end_band(&mut self, overlaps: &mut Vec<Overlap>) {
-        overlaps.sort_unstable_by_key(|overlap| (overlap.cell, overlap.pixel));
-        // Pieces of one pixel that fall on the same map pixel.
-        overlaps.dedup_by(|next, kept| {
-            let same = (next.cell, next.pixel) == (kept.cell, kept.pixel);
-            if same {
-                kept.solid_angle_sr += next.solid_angle_sr;
-            }
-            same
-        });
-        let (mut starts, mut weights): (Vec<u16>, Vec<Vec4>) = (Vec::new(), Vec::new());
-        let mut parts: Vec<Part> = Vec::new();
-        for overlap in overlaps.iter() {
-            let chunk = starts.len();
-            let solid_angle_sr = self.shape.pixel_solid_angle(overlap.cell as usize / self.shape.columns);
-            let weight = (overlap.solid_angle_sr / solid_angle_sr) as f32;
-            match parts.last_mut().filter(|part| part.cell == overlap.cell) {
-                Some(_) if usize::from(overlap.pixel - starts[chunk - 1]) < LANES => {
-                    weights[chunk - 1][usize::from(overlap.pixel - starts[chunk - 1])] = weight;
-                    continue;
-                }
-                Some(part) if part.chunks.len() < CHUNKS_MAX => part.chunks.end += 1,
-                _ => parts.push(Part { cell: overlap.cell, chunks: chunk..chunk + 1 }),
-            }
-            starts.push(overlap.pixel);
-            // Zeros, where they stay, meet pixels of the band or what an earlier one left, all finite.
-            weights.push(Vec4::new(weight, 0.0, 0.0, 0.0));
+    /// The same for frames of a mosaic sensor, whose codes have one colour a pixel. A pixel of the frame stands for the
+    /// four pixels' area about its own centre, so the colours lie where they were seen, not half a pixel apart; the
+    /// two greens count half each.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; and `Usage` for a lat-long picture and for an odd number of columns or rows.
+    pub fn mosaic(
+        projection: &Projection,
+        bayer: Bayer,
+        world_from_camera: DMat3,
+        shape: PolarShape,
+    ) -> Result<Self> {
+        let world_from_camera = check(projection, world_from_camera, shape)?;
+        let mut coverage_sr = vec![0.0; shape.len()];
+        let mosaic = Mosaic::new(projection, bayer, world_from_camera, shape, &mut coverage_sr)?;
+        Ok(Self::with_weights(projection, shape, Weights::Mosaic(mosaic), &coverage_sr))
+    }
+
+    fn with_weights(
+        projection: &Projection,
+        shape: PolarShape,
+        weights: Weights,
+        coverage_sr: &[f64],
+    ) -> Self {
+        let coverage = |(cell, sr)| (sr / shape.pixel_solid_angle(cell / shape.columns)) as f32;
+        Self {
+            width: projection.width(),
+            height: projection.height(),
+            shape,
+            weights,
+            coverage: coverage_sr.iter().enumerate().map(coverage).collect(),
+            rec709_from_sensor: None,
+            radiance: vec![0.0; 3 * PLANE],
+            sums: vec![0.0; 3 * shape.len()],
         }
-        // Stable: parts of one length stay in the map's order.
-        parts.sort_by_key(|part| part.chunks.len());
-        for group in parts.chunk_by(|a, b| a.chunks.len() == b.chunks.len()) {
-            self.groups.push(Group { chunks: group[0].chunks.len() as u32, parts: group.len() as u32 });
-        }
-        for part in parts {
-            self.cells.push(part.cell);
-            self.starts.extend_from_slice(&starts[part.chunks.clone()]);
-            self.weights.extend_from_slice(&weights[part.chunks]);
-        }
-        let first_span = self.spans.len();
-        let first_pixel = (self.bands.len() * self.band_rows * self.width) as u32;
-        overlaps.sort_unstable_by_key(|overlap| overlap.pixel);
-        for overlap in overlaps.drain(..) {
-            let pixel = first_pixel + u32::from(overlap.pixel);
-            match self.spans[first_span..].last_mut() {
-                Some(span) if pixel <= span.end => span.end = pixel + 1,
-                _ => self.spans.push(pixel..pixel + 1),
-            }
-        }
-        self.bands.push(BandEnds {
-            spans: self.spans.len(),
-            groups: self.groups.len(),
-            cells: self.cells.len(),
-            chunks: self.starts.len(),
-        });
+    }
+
+    /// Takes the frames' three channels for a sensor's own colours, and makes Rec. 709 of them.
+    #[must_use]
+    pub fn with_colours(self, rec709_from_sensor: ColourMatrix) -> Self {
+        Self { rec709_from_sensor: Some(rec709_from_sensor), ..self }
     }
 
     /// The map that frames become.
@@ -191,64 +105,51 @@ impl FrameToPolar {
     }
 
     /// Fraction of every map pixel's solid angle that the frame sees, row-major. Where it is below 1, at the rim
-    /// of the lens, the map is dimmer by as much: the energy is kept, not made up.
+    /// of the lens, the map is dimmer by as much: the energy is kept, not made up. It is
+    /// the same for all colours of a mosaic.
     pub fn coverage(&self) -> &[f32] {
         &self.coverage
     }
 
     /// Bytes of the matrix that every frame streams.
     pub fn streamed_bytes(&self) -> usize {
-        size_of_val(self.cells.as_slice())
-            + size_of_val(self.starts.as_slice())
-            + size_of_val(self.weights.as_slice())
-            + size_of_val(self.groups.as_slice())
-            + size_of_val(self.spans.as_slice())
-            + size_of_val(self.bands.as_slice())
+        match &self.weights {
+            Weights::Whole(matrix) => matrix.streamed_bytes(),
+            Weights::Mosaic(mosaic) => mosaic.streamed_bytes(),
+        }
     }
 
     /// Fills `map` from a frame of raw codes (through the response) or of linear radiance (as it is: the
     /// response is for codes) and gives it the frame's stamp. One channel fills all three. Returns the counts
-    /// of the pixels that hold no radiance, among those that the map sees.
+    /// of the pixels that hold no radiance, among those that the map sees; every pixel of a mosaic counts once.
     ///
     /// Rounding stays below 1e-5 of every map pixel: weights and radiances are rounded once to f32, the sum
-    /// of a map pixel's part in a band 70 times at most, and those are added in f64. Allocates only when `map` has another shape.
+    /// of a map pixel's part in a band 70 times at most, and those are added in f64; relative to the colours before
+    /// the colour matrix, if there is one. Allocates only when `map` has another shape.
     ///
     /// # Errors
-    /// `BadFrame`, naming what the frame has and what the calibration wants: size, channels, samples, and codes
-    /// without a response.
+    /// `BadFrame`, naming what the frame has and what the calibration wants: size, channels, mosaic, samples, codes
+    /// without a response, and a colour matrix for frames without colours.
     pub fn apply(&mut self, frame: &Frame, response: &Response, map: &mut PolarMap) -> Result<PixelCounts> {
         self.check_frame(frame, response)?;
-        let cells = self.shape.len();
-        let channels = frame.channels;
-        self.sums[..channels * cells].fill(0.0);
-        let mut counts = PixelCounts::default();
-        let mut start = BandEnds::default();
-        for (band, end) in self.bands.iter().enumerate() {
-            let first_pixel = band * self.band_rows * self.width;
-            for span in &self.spans[start.spans..end.spans] {
-                let pixels = span.start as usize..span.end as usize;
-                let samples = pixels.start * channels..pixels.end * channels;
-                let planes = &mut self.radiance[pixels.start - first_pixel..];
-                counts.add(&match &frame.pixels {
-                    Pixels::Codes(codes) => {
-                        let lookup = (response.table(), response.black_clip_code());
-                        decode_codes(&codes[samples], channels, lookup, planes)
-                    }
-                    Pixels::Radiance(radiance) => decode_radiance(&radiance[samples], channels, planes),
-                });
+        let lookup = (response.table(), response.black_clip_code());
+        let (counts, channels) = match (&self.weights, &frame.pixels) {
+            (Weights::Mosaic(mosaic), Pixels::Codes(codes)) => {
+                self.sums.fill(0.0);
+                let (planes, _) = self.radiance.as_chunks_mut::<PLANE>();
+                (mosaic.add(codes, lookup, &mut planes[0], &mut self.sums), 3)
             }
-            let matrix = BandMatrix {
-                groups: &self.groups[start.groups..end.groups],
-                cells: &self.cells[start.cells..end.cells],
-                starts: &self.starts[start.chunks..end.chunks],
-                weights: &self.weights[start.chunks..end.chunks],
-            };
-            let (planes, _) = self.radiance.as_chunks::<PLANE>();
-            for (plane, sums) in planes.iter().zip(self.sums.chunks_exact_mut(cells)).take(channels) {
-                add_band(matrix, plane, sums);
+            (Weights::Whole(matrix), pixels) => {
+                let sums = &mut self.sums[..frame.channels * self.shape.len()];
+                sums.fill(0.0);
+                (add_whole(matrix, pixels, frame.channels, lookup, &mut self.radiance, sums), frame.channels)
             }
-            start = *end;
-        }
+            (Weights::Mosaic(_), Pixels::Radiance(_)) => {
+                return Err(Error::bad_frame(
+                    "the frame is a mosaic of radiance; a mosaic must hold the sensor's raw codes",
+                ));
+            }
+        };
         self.write(channels, map);
         map.stamp = frame.stamp;
         Ok(counts)
@@ -260,14 +161,25 @@ impl FrameToPolar {
         }
         // Weights that add up to 1 + 1e-7 may lift the largest f32 over the edge.
         let round = |sum: f64| sum.min(f64::from(f32::MAX)) as f32;
-        let cells = self.shape.len();
         if channels == 1 {
             for (pixel, &sum) in map.pixels.iter_mut().zip(&self.sums) {
                 *pixel = [round(sum); 3];
             }
-        } else {
-            for (cell, pixel) in map.pixels.iter_mut().enumerate() {
-                *pixel = std::array::from_fn(|channel| round(self.sums[channel * cells + cell]));
+            return;
+        }
+        let (red, others) = self.sums.split_at(self.shape.len());
+        let (green, blue) = others.split_at(self.shape.len());
+        let colours = red.iter().zip(green).zip(blue).map(|((&red, &green), &blue)| [red, green, blue]);
+        match &self.rec709_from_sensor {
+            None => {
+                for (pixel, colour) in map.pixels.iter_mut().zip(colours) {
+                    *pixel = colour.map(round);
+                }
+            }
+            Some(matrix) => {
+                for (pixel, colour) in map.pixels.iter_mut().zip(colours) {
+                    *pixel = matrix.rec709(DVec3::from(colour)).to_array().map(round);
+                }
             }
         }
     }
@@ -284,6 +196,27 @@ impl FrameToPolar {
             return Err(Error::bad_frame(format!(
                 "the frame has {channels} channels, 1 (luminance) or 3 (RGB) can be used"
             )));
+        }
+        let expected = match &self.weights {
+            Weights::Whole(_) => None,
+            Weights::Mosaic(mosaic) => Some(mosaic.bayer()),
+        };
+        if frame.bayer != expected || (frame.bayer.is_some() && channels != 1) {
+            let name = |bayer: Option<Bayer>| {
+                bayer.map_or("no mosaic".to_owned(), |bayer| format!("a mosaic of colours {bayer}"))
+            };
+            return Err(Error::bad_frame(format!(
+                "the frame is {} with {channels} channels, its calibration is for {}{}",
+                name(frame.bayer),
+                name(expected),
+                if expected.is_some() { " with 1 channel" } else { "" }
+            )));
+        }
+        if self.rec709_from_sensor.is_some() && channels == 1 && frame.bayer.is_none() {
+            return Err(Error::bad_frame(
+                "the frame has 1 channel and no colours, its calibration has a matrix for the sensor's colours; \
+                 take away rec709_from_sensor",
+            ));
         }
         let (samples, coded) = match &frame.pixels {
             Pixels::Codes(codes) => (codes.len(), true),
@@ -303,6 +236,42 @@ impl FrameToPolar {
         }
         Ok(())
     }
+}
+
+/// Adds a frame whose pixels have all channels to the sums, one plane per channel.
+fn add_whole(
+    matrix: &AreaMatrix,
+    pixels: &Pixels,
+    channels: usize,
+    lookup: (&[f32], u16),
+    radiance: &mut [f32],
+    sums: &mut [f64],
+) -> PixelCounts {
+    let cells = sums.len() / channels;
+    let mut counts = PixelCounts::default();
+    for band in 0..matrix.band_count() {
+        let first_pixel = matrix.first_pixel(band);
+        for span in matrix.spans(band) {
+            let samples = span.start * channels..span.end * channels;
+            let planes = &mut radiance[span.start - first_pixel..];
+            counts.add(&match pixels {
+                Pixels::Codes(codes) => decode_codes(&codes[samples], channels, lookup, planes),
+                Pixels::Radiance(values) => decode_radiance(&values[samples], channels, planes),
+            });
+        }
+        let (planes, _) = radiance.as_chunks::<PLANE>();
+        for (plane, sums) in planes.iter().zip(sums.chunks_exact_mut(cells)) {
+            matrix.add(band, plane, sums);
+        }
+    }
+    counts
+}
+
+/// Refuses what no matrix can be made of, before anything is allocated for it, and gives the exact rotation.
+fn check(projection: &Projection, world_from_camera: DMat3, shape: PolarShape) -> Result<DMat3> {
+    projection.check_size()?;
+    check_shape(shape)?;
+    rotation(world_from_camera)
 }
 
 /// Refuses what is no rotation, and takes the last digits' errors out of what nearly is one.

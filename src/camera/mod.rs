@@ -3,15 +3,18 @@
 //! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is
 //! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.
 
+mod area_matrix;
 mod band_kernels;
 mod calibration;
 mod chart;
+mod colour_matrix;
 mod document;
 mod exposure_merge;
 mod footprints;
 mod frame_to_polar;
 mod kalibr_file;
 mod lens;
+mod mosaic;
 mod opencv_file;
 mod overlap;
 mod pixel_counts;
@@ -23,8 +26,11 @@ mod response;
 mod energy_tests;
 #[cfg(test)]
 mod hard_case_tests;
+#[cfg(test)]
+mod mosaic_tests;
 
 pub use calibration::Calibration;
+pub use colour_matrix::ColourMatrix;
 pub use exposure_merge::{ExposureMerge, MergeCounts, SensorNoise};
 pub use frame_to_polar::FrameToPolar;
 pub use lens::{Lens, LensParameters};

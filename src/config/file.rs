@@ -2,7 +2,7 @@
 
 use super::source::SourceKeys;
 use super::{CameraOptions, Config, ProjectionKind};
-use crate::camera::{Response, ResponseModel};
+use crate::camera::{ColourMatrix, Response, ResponseModel};
 use crate::error::{Error, Result, TomlText};
 use crate::image::PolarShape;
 use crate::light;
@@ -48,6 +48,8 @@ struct CameraKeys {
     response: Option<ResponseModel>,
     #[serde(default, deserialize_with = "rotation")]
     world_from_camera: Option<DMat3>,
+    #[serde(default, deserialize_with = "colour_matrix")]
+    rec709_from_sensor: Option<ColourMatrix>,
 }
 
 #[derive(Deserialize)]
@@ -93,7 +95,8 @@ pub(super) fn parse(origin: TomlText) -> Result<Config> {
 impl CameraKeys {
     /// The options, if the keys fit together.
     fn check(self, folder: &Path) -> Result<CameraOptions> {
-        let Self { projection, calibration, kalibr_camera, response, world_from_camera } = self;
+        let Self { projection, calibration, kalibr_camera, response, world_from_camera, rec709_from_sensor } =
+            self;
         match (projection, &calibration, &kalibr_camera) {
             (ProjectionKind::Fisheye, None, _) => {
                 return Err(Error::usage(
@@ -118,6 +121,7 @@ impl CameraKeys {
             kalibr_camera,
             response: response.map(Response::new).transpose()?,
             world_from_camera,
+            rec709_from_sensor,
         })
     }
 }
@@ -161,6 +165,11 @@ fn rotation<'de, D: Deserializer<'de>>(value: D) -> Result<Option<DMat3>, D::Err
         ));
     }
     Ok(Some(DMat3::from_cols(x, y, z).transpose()))
+}
+
+fn colour_matrix<'de, D: Deserializer<'de>>(value: D) -> Result<Option<ColourMatrix>, D::Error> {
+    let rows = <[[f64; 3]; 3]>::deserialize(value)?;
+    ColourMatrix::new(rows).map(Some).map_err(D::Error::custom)
 }
 
 #[cfg(test)]
@@ -244,6 +253,14 @@ mod tests {
     }
 
     #[test]
+    fn a_colour_matrix_is_written_in_rows() {
+        let rows = "[[2, 0, 0.5], [0, 1, 0], [0, 0, 1.5]]";
+        let config = parse_with(&format!("[camera]\nrec709_from_sensor = {rows}")).unwrap();
+        let expected = ColourMatrix::new([[2.0, 0.0, 0.5], [0.0, 1.0, 0.0], [0.0, 0.0, 1.5]]).unwrap();
+        assert_eq!(config.camera.rec709_from_sensor, Some(expected));
+    }
+
+    #[test]
     fn faults_are_told_with_file_line_and_key() {
         for (rest, expected) in [
             ("colour = 1", "conf/a.toml: line 4 (`colour = 1`): unknown field `colour`"),
@@ -261,6 +278,10 @@ mod tests {
                 "pace = \"slow\"",
                 "line 4 (`pace = \"slow\"`): unknown variant `slow`, expected `real-time` or `fast`",
             ),
+            (
+                "bayer = \"RGBG\"",
+                "line 4 (`bayer = \"RGBG\"`): unknown variant `RGBG`, expected one of `RGGB`",
+            ),
             ("repeat = maybe", "line 4 (`repeat = maybe`): "),
             #[cfg(feature = "camera")]
             ("device = \"cam\"", "line 4: device = ...: is no key of kind = \"sequence\""),
@@ -272,6 +293,11 @@ mod tests {
             ),
             ("[camera]\nworld_from_camera = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "is no rotation"),
             ("[camera]\nworld_from_camera = [[1, 0, 0], [0, nan, 0], [0, 0, 1]]", "is no rotation"),
+            (
+                "[camera]\nrec709_from_sensor = [[1, 0, 0], [0, inf, 0], [0, 0, 1]]",
+                "line 5 (`rec709_from_sensor = [[1, 0, 0], [0, inf, 0], [0, 0, 1]]`): colour matrix",
+            ),
+            ("[camera]\nrec709_from_sensor = [2.0, 1.0, 1.5]", "line 5 (`rec709_from_sensor = [2.0"),
             ("[camera]\nkalibr_camera = \"cam1\"", "line 5: kalibr_camera = ...: there is no calibration"),
             (
                 "[camera]\nresponse = { model = \"linear\", black_level = 9, white_level = 9, gain = 1.0 }",

@@ -6,7 +6,7 @@
 mod file;
 mod source;
 
-use crate::camera::Response;
+use crate::camera::{ColourMatrix, Response};
 use crate::error::{Error, Result, TomlText};
 use crate::image::PolarShape;
 use crate::light;
@@ -83,6 +83,8 @@ pub struct CameraOptions {
     pub response: Option<Response>,
     /// Rotation from camera to world axes; `None`: the projection's own default.
     pub world_from_camera: Option<DMat3>,
+    /// Linear Rec. 709 from the sensor's colours; `None`: the frames have these already, or no colours.
+    pub rec709_from_sensor: Option<ColourMatrix>,
 }
 
 /// Kind of picture.

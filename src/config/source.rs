@@ -2,6 +2,7 @@
 
 use super::{Links, Pace, Source};
 use crate::error::{Error, Result};
+use crate::image::Bayer;
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
 use crate::source::{
@@ -37,6 +38,7 @@ pub(super) struct SourceKeys {
     last: Option<u64>,
     repeat: Option<bool>,
     pace: Option<Pace>,
+    bayer: Option<Bayer>,
     // A camera.
     #[cfg(feature = "camera")]
     device: Option<String>,
@@ -87,7 +89,14 @@ impl SourceKeys {
         }
         let path = folder.join(needed("path", self.path)?);
         let repeat = self.repeat.unwrap_or(false);
-        let options = SequenceOptions { path, frame_rate_hz: self.frame_rate_hz, first, last, repeat };
+        let options = SequenceOptions {
+            path,
+            frame_rate_hz: self.frame_rate_hz,
+            first,
+            last,
+            repeat,
+            bayer: self.bayer,
+        };
         Ok((Source::Sequence(options), self.pace.unwrap_or_default(), self.links.unwrap_or_default()))
     }
 
@@ -101,6 +110,7 @@ impl SourceKeys {
                 ("last", self.last.is_some()),
                 ("repeat", self.repeat.is_some()),
                 ("pace", self.pace.is_some()),
+                ("bayer", self.bayer.is_some()),
             ],
         )?;
         let buffers = self.buffers.unwrap_or(V4l2Options::default().buffers);

@@ -1,4 +1,5 @@
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// When and where in its sequence something was captured. Travels with the data from the source to the client.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -38,16 +39,6 @@ pub enum Bayer {
 }
 
 impl Bayer {
-    /// The four letters.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Rggb => "RGGB",
-            Self::Grbg => "GRBG",
-            Self::Gbrg => "GBRG",
-            Self::Bggr => "BGGR",
-        }
-    }
-
     /// Channel (0 red, 1 green, 2 blue) of the four pixels of a period, row by row.
     pub fn channels(self) -> [usize; 4] {
         match self {
@@ -56,6 +47,13 @@ impl Bayer {
             Self::Gbrg => [1, 2, 0, 1],
             Self::Bggr => [2, 1, 1, 0],
         }
+    }
+}
+
+impl fmt::Display for Bayer {
+    /// As files write it: `RGGB`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        self.channels().into_iter().try_for_each(|channel| f.write_str(["R", "G", "B"][channel]))
     }
 }
 

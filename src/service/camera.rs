@@ -39,7 +39,7 @@ pub(super) fn frame_to_polar(
     source: &str,
 ) -> Result<(FrameToPolar, Response)> {
     let options = &config.camera;
-    let FrameFormat { width, height, is_codes, latlong_centres: centres, .. } = *format;
+    let FrameFormat { width, height, channels, bayer, is_codes, latlong_centres: centres, .. } = *format;
     let response = response(config)?;
     let (projection, world_from_camera) = match (options.projection, calibration(config)?) {
         (ProjectionKind::Fisheye, Some(calibration)) => {
@@ -58,13 +58,28 @@ pub(super) fn frame_to_polar(
     };
     let misfit = if (width, height) != (projection.width(), projection.height()) {
         format!("is for frames of {} x {}", projection.width(), projection.height())
+    } else if bayer.is_some() && matches!(projection, Projection::LatLong { .. }) {
+        "has all colours in every pixel".to_owned()
     } else if is_codes && response.is_identity() {
         "has no response, which tells what sensor codes mean (give one with the key `response` of [camera])"
             .to_owned()
+    } else if bayer.is_some() && (width % 2 != 0 || height % 2 != 0) {
+        "needs whole periods of a mosaic, an even number of columns and of rows (crop the frames at the right or the \
+         lower side, and the lens's width and height with them)"
+            .to_owned()
+    } else if options.rec709_from_sensor.is_some() && channels == 1 && bayer.is_none() {
+        "has a matrix for the sensor's colours (remove the key `rec709_from_sensor` of [camera])".to_owned()
     } else {
         let world_from_camera = options.world_from_camera.unwrap_or(world_from_camera);
-        let frame_to_polar = FrameToPolar::new(&projection, world_from_camera, config.map)
-            .map_err(|error| config.locate("map", error))?;
+        let frame_to_polar = match bayer {
+            None => FrameToPolar::new(&projection, world_from_camera, config.map),
+            Some(bayer) => FrameToPolar::mosaic(&projection, bayer, world_from_camera, config.map),
+        };
+        let frame_to_polar = frame_to_polar.map_err(|error| config.locate("map", error))?;
+        let frame_to_polar = match options.rec709_from_sensor {
+            None => frame_to_polar,
+            Some(matrix) => frame_to_polar.with_colours(matrix),
+        };
         return Ok((frame_to_polar, response));
     };
     let calibration = options
@@ -72,6 +87,13 @@ pub(super) fn frame_to_polar(
         .as_ref()
         .map_or("a lat-long panorama".to_owned(), |path| format!("the calibration {}", path.display()));
     let samples = if is_codes { "sensor codes" } else { "radiance" };
-    Err(Error::usage(format!("{calibration} {misfit}, but the frames are {width} x {height} of {samples}"))
-        .at(source))
+    let colours = match (bayer, channels) {
+        (Some(bayer), _) => format!(" in a mosaic of colours {bayer}"),
+        (None, 1) => " without colours".to_owned(),
+        _ => String::new(),
+    };
+    Err(Error::usage(format!(
+        "{calibration} {misfit}, but the frames are {width} x {height} of {samples}{colours}"
+    ))
+    .at(source))
 }

@@ -32,6 +32,8 @@ pub struct SequenceOptions {
     pub last: Option<u64>,
     /// Play it again and again.
     pub repeat: bool,
+    /// Colours of the pixels of a mosaic sensor, whose codes were saved as grey pictures; `None`: as the files say.
+    pub bayer: Option<Bayer>,
 }
 
 /// What every frame of a source is like: enough to build a calibration before the first one comes.
@@ -72,7 +74,7 @@ impl FrameFormat {
             LatLongCentres::Half => "",
             LatLongCentres::Ends => ", lat-long attribute",
         };
-        let bayer = self.bayer.map(|bayer| format!(" ({bayer:?})")).unwrap_or_default();
+        let bayer = self.bayer.map(|bayer| format!(" ({bayer})")).unwrap_or_default();
         format!("{} x {} x {}{bayer} {samples}{centres}", self.width, self.height, self.channels)
     }
 }
@@ -87,6 +89,7 @@ pub struct Sequence {
     /// The file that says what the others must be like.
     model: PathBuf,
     repeat: bool,
+    bayer: Option<Bayer>,
     /// Index of the next file and how often the list was played before.
     index: usize,
     pass: u64,
@@ -118,7 +121,7 @@ impl Sequence {
         }
 
         let mut frame = Frame::default();
-        let (model, attributes) = first_readable(path, &files, &mut frame)?;
+        let (model, attributes) = first_readable(options, &files, &mut frame)?;
         let rate = match options.frame_rate_hz.or(attributes.frame_rate_hz) {
             Some(rate) if rate.is_finite() && rate > 0.0 => rate,
             Some(rate) => return Err(fault(format!("frame_rate_hz = {rate} must be a positive number"))),
@@ -137,6 +140,7 @@ impl Sequence {
             model: model.to_owned(),
             files,
             repeat: options.repeat,
+            bayer: options.bayer,
             index: 0,
             pass: 0,
             bad_in_a_row: 0,
@@ -165,7 +169,7 @@ impl Sequence {
 
     /// Reads a file and compares it with the first.
     fn fill(&self, path: &Path, frame: &mut Frame) -> Result<Attributes> {
-        let attributes = read(path, frame)?;
+        let attributes = read_as(self.bayer, path, frame)?;
         let found = FrameFormat::of(frame, &attributes, self.format.frame_rate_hz);
         if found == self.format {
             return Ok(attributes);
@@ -179,19 +183,36 @@ impl Sequence {
     }
 }
 
+/// Reads a file, as a mosaic if `bayer` says so.
+fn read_as(bayer: Option<Bayer>, path: &Path, frame: &mut Frame) -> Result<Attributes> {
+    let attributes = read(path, frame)?;
+    if let Some(bayer) = bayer {
+        if frame.channels != 1 || matches!(frame.pixels, Pixels::Radiance(_)) {
+            return Err(Error::bad_frame(format!(
+                "{}: is no mosaic of colours {bayer}, which is a picture of one channel of raw sensor codes; remove \
+                 the key `bayer` of [source] or give the sensor's own codes",
+                path.display()
+            )));
+        }
+        frame.bayer = Some(bayer);
+    }
+    Ok(attributes)
+}
+
 fn first_readable<'a>(
-    path: &Path,
+    options: &SequenceOptions,
     files: &'a [(u64, PathBuf)],
     frame: &mut Frame,
 ) -> Result<(&'a Path, Attributes)> {
     let mut first_error = None;
     for (_, file) in files {
-        match read(file, frame) {
+        match read_as(options.bayer, file, frame) {
             Ok(attributes) => return Ok((file, attributes)),
             Err(error) => first_error = first_error.or(Some(error)),
         }
     }
-    let mut fault = Error::failed(format!("{}: none of {} files can be used", path.display(), files.len()));
+    let path = options.path.display();
+    let mut fault = Error::failed(format!("{path}: none of {} files can be used", files.len()));
     if let Some(error) = first_error {
         fault = fault.because(error);
     }

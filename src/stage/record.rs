@@ -98,7 +98,7 @@ struct Sidecar {
     /// Columns and rows.
     size: [usize; 2],
     channels: usize,
-    bayer: Option<&'static str>,
+    bayer: Option<Bayer>,
     /// `codes` or `half` (radiance).
     samples: &'static str,
     frame_rate_hz: f64,
@@ -115,7 +115,7 @@ impl Sidecar {
     /// Counts a frame that was written.
     fn add(&mut self, frame: &Frame) {
         let Frame { stamp, width, height, channels, bayer, pixels } = frame;
-        (self.size, self.channels, self.bayer) = ([*width, *height], *channels, bayer.map(Bayer::name));
+        (self.size, self.channels, self.bayer) = ([*width, *height], *channels, *bayer);
         self.samples = if matches!(pixels, Pixels::Codes(_)) { "codes" } else { "half" };
         self.frame_rate_hz = stamp.frame_rate_hz;
         let first = self.sequence_numbers.map_or(stamp.sequence, |(first, _)| first);

@@ -9,6 +9,16 @@ const SIDE: usize = 64;
 
 /// Ten frames of sensor codes through a lens that looks up: a lamp 30 degrees from the axis, towards +X.
 fn fisheye(calibrated_side: usize, response: Response, camera_lines: &str) -> (TempDir, Output) {
+    fisheye_from("", calibrated_side, response, camera_lines)
+}
+
+/// The same with more to say about the source.
+fn fisheye_from(
+    source_lines: &str,
+    calibrated_side: usize,
+    response: Response,
+    camera_lines: &str,
+) -> (TempDir, Output) {
     let folder = tempfile::tempdir().unwrap();
     let focal_px = 20.0;
     let lamp_column = (SIDE as f64 / 2.0 + focal_px * 30f64.to_radians()) as usize;
@@ -42,7 +52,7 @@ fn fisheye(calibrated_side: usize, response: Response, camera_lines: &str) -> (T
         &configuration,
         format!(
             "[source]\nkind = \"sequence\"\npath = \"eye.##.png\"\nframe_rate_hz = 25\npace = \"fast\"\n\
-             [camera]\nprojection = \"fisheye\"\ncalibration = \"lens.json\"\n{camera_lines}\n[lights]\ncount = 16\n"
+             {source_lines}\n[camera]\nprojection = \"fisheye\"\ncalibration = \"lens.json\"\n{camera_lines}\n[lights]\ncount = 16\n"
         ),
     )
     .unwrap();
@@ -98,4 +108,36 @@ fn a_response_in_the_configuration_serves_a_calibration_without_one() {
     let (_second, in_configuration) = fisheye(SIDE, Response::default(), line);
     assert!(in_configuration.status.success(), "{}", stderr(&in_configuration));
     assert_eq!(in_configuration.stdout, in_calibration.stdout);
+}
+
+#[test]
+fn a_mosaic_keeps_its_colours_from_file_to_list() {
+    // Row 32 and column 42 are even: the lamp is on a pixel of the first letter.
+    for (bayer, lit) in [("RGGB", 0), ("GRBG", 1), ("BGGR", 2)] {
+        let (_folder, output) = fisheye_from(&format!("bayer = \"{bayer}\""), SIDE, linear(), "");
+        assert!(output.status.success(), "{}", stderr(&output));
+        let found = lists(&output.stdout);
+        assert_eq!(found.len(), 10);
+        let power = [0, 1, 2].map(|channel| found[9]["power"][channel].as_f64().unwrap());
+        let others = power.iter().enumerate().filter(|(channel, _)| *channel != lit).map(|(_, power)| *power);
+        assert!(others.into_iter().all(|other| power[lit] > 1.5 * other), "{bayer}: {power:?}");
+        let summary = stderr(&output);
+        assert!(summary.contains("10 saturated"), "one pixel in each frame: {summary}");
+    }
+    let swap = "rec709_from_sensor = [[0, 0, 1], [0, 1, 0], [1, 0, 0]]";
+    let (_first, swapped) = fisheye_from("bayer = \"RGGB\"", SIDE, linear(), swap);
+    let (_second, blue) = fisheye_from("bayer = \"BGGR\"", SIDE, linear(), "");
+    assert!(swapped.status.success(), "{}", stderr(&swapped));
+    assert_eq!(swapped.stdout, blue.stdout);
+}
+
+#[test]
+fn colours_that_the_frames_cannot_have_are_refused_before_the_first_frame() {
+    let white_balance = "rec709_from_sensor = [[2, 0, 0], [0, 1, 0], [0, 0, 1.5]]";
+    let (_folder, output) = fisheye(SIDE, linear(), white_balance);
+    let messages = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{messages}");
+    for words in ["the key `rec709_from_sensor`", "without colours", "eye.##.png"] {
+        assert!(messages.contains(words), "{words} is not in {messages}");
+    }
 }

@@ -50,7 +50,7 @@ pub(super) fn read(header: &Header, names: &[&str]) -> Result<Recorded> {
         None => None,
         Some(pattern) => {
             let all = [Bayer::Rggb, Bayer::Grbg, Bayer::Gbrg, Bayer::Bggr];
-            let found = all.into_iter().find(|bayer| bayer.name() == pattern);
+            let found = all.into_iter().find(|bayer| bayer.to_string() == pattern);
             Some(found.filter(|_| is_codes && names.len() == 1).ok_or_else(|| fault(BAYER, &pattern))?)
         }
     };
@@ -75,7 +75,7 @@ pub(super) fn add(attributes: &mut LayerAttributes, frame: &Frame, lens: Option<
         add(SAMPLES, CODES)?;
     }
     if let Some(bayer) = frame.bayer {
-        add(BAYER, bayer.name())?;
+        add(BAYER, &bayer.to_string())?;
     }
     if let Some(lens) = lens {
         add(LENS, lens)?;

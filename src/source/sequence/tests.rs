@@ -217,3 +217,38 @@ fn sensor_codes_play_and_pictures_for_people_do_not() {
     assert_eq!(sequence.next(&mut frame).unwrap_err().kind(), Kind::BadFrame);
     assert_eq!(sequence.next(&mut frame).unwrap(), Next::End);
 }
+
+#[test]
+fn grey_codes_are_a_mosaic_where_the_options_say_so_and_nothing_else_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = |channels: usize| Frame {
+        width: 2,
+        height: 2,
+        channels,
+        pixels: Pixels::Codes(vec![7; 4 * channels]),
+        ..Frame::default()
+    };
+    for (number, channels) in [(0, 1), (1, 3), (2, 1)] {
+        write_png16(&folder.path().join(format!("raw_{number}.png")), &picture(channels)).unwrap();
+    }
+    let options = SequenceOptions {
+        path: folder.path().to_owned(),
+        frame_rate_hz: Some(25.0),
+        bayer: Some(Bayer::Gbrg),
+        ..SequenceOptions::default()
+    };
+    let mut sequence = Sequence::open(&options).unwrap();
+    assert_eq!(sequence.format().bayer, Some(Bayer::Gbrg));
+    let mut frame = Frame::default();
+    assert_eq!(sequence.next(&mut frame).unwrap(), Next::Frame);
+    assert_eq!((frame.bayer, frame.channels), (Some(Bayer::Gbrg), 1));
+    let message = sequence.next(&mut frame).unwrap_err().to_string();
+    assert!(message.contains("raw_1.png: is no mosaic of colours GBRG"), "{message}");
+    assert_eq!(sequence.next(&mut frame).unwrap(), Next::Frame);
+    assert_eq!(frame.bayer, Some(Bayer::Gbrg));
+
+    let radiance = self::folder(&[1], Some(25.0));
+    let options = SequenceOptions { bayer: Some(Bayer::Rggb), ..self::options(&radiance) };
+    let message = refusal(&options, Kind::Failed);
+    assert!(message.contains("none of 1 files can be used") && message.contains("no mosaic"), "{message}");
+}
