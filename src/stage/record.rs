@@ -211,6 +211,10 @@ impl Stage for Record {
     type Output = ();
 
     fn step(&mut self, frame: &Frame, (): &mut ()) -> Result<Flow> {
+        // The last frame counts as one that was worked off; the one behind it ends the stage.
+        if self.sidecar.frames_written == self.frames_max {
+            return Ok(Flow::End);
+        }
         let path = self.folder.join(format!("frame.{:06}.exr", frame.stamp.sequence));
         let written = match &mut self.radiance {
             None => frame,
@@ -224,7 +228,7 @@ impl Stage for Record {
         if self.sidecar.frames_written == 1 {
             self.write_sidecar()?;
         }
-        Ok(if self.sidecar.frames_written < self.frames_max { Flow::Send } else { Flow::End })
+        Ok(Flow::Send)
     }
 }
 
@@ -289,8 +293,8 @@ mod tests {
         let folder = folder.path().join("new");
         let metrics = Metrics::new("record");
         let mut record = Record::new(folder.clone(), recording(), None, 3, &metrics).unwrap();
-        let flows = [3, 4, 6].map(|sequence| record.step(&frame(sequence), &mut ()).unwrap());
-        assert_eq!(flows, [Flow::Send, Flow::Send, Flow::End]);
+        let flows = [3, 4, 6, 7].map(|sequence| record.step(&frame(sequence), &mut ()).unwrap());
+        assert_eq!(flows, [Flow::Send, Flow::Send, Flow::Send, Flow::End]);
         let early = sidecar(&folder);
         assert_eq!((&early["frames_written"], &early["is_complete"]), (&1.into(), &false.into()));
         record.finish(true).unwrap();
