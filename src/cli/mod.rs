@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand.
 
+mod calibrate;
 mod lights;
 mod messages;
 mod panorama;
@@ -34,6 +35,7 @@ struct Arguments {
 enum Command {
     Run(run::Arguments),
     Lights(lights::Arguments),
+    Calibrate(calibrate::Arguments),
     #[cfg(feature = "render")]
     Render(render::Arguments),
     Synthesize(synthesize::Arguments),
@@ -51,6 +53,7 @@ pub fn main() -> ExitCode {
     let outcome = match &command {
         Command::Run(arguments) => run::run(arguments),
         Command::Lights(arguments) => lights::run(arguments),
+        Command::Calibrate(arguments) => calibrate::run(arguments),
         #[cfg(feature = "render")]
         Command::Render(arguments) => render::run(arguments),
         Command::Synthesize(arguments) => synthesize::run(arguments),
