@@ -7,7 +7,7 @@ use lightcast::camera::{
 };
 use lightcast::error::Result;
 use lightcast::image::{Frame, Pixels, PolarMap, PolarShape, Stamp};
-use lightcast::light::{Extractor, LightList, Options, Sampler};
+use lightcast::light::{Extractor, LightList, Options, PeakOptions, Sampler};
 use lightcast::rt::link::bounded;
 use lightcast::rt::stage::{Flow, Nowhere, Stage, Tick, Ticks, run};
 use lightcast::rt::{Clock, Metrics, Shutdown};
@@ -157,7 +157,7 @@ impl Stage for End {
 }
 
 /// Allocations of calibrate, light and filter over the frames after the warm-up.
-fn allocations(sampler: Sampler, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
+fn allocations(sampler: Sampler, slots: usize, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
     let shape = PolarShape::hemisphere(360, 90);
     let lens = Lens::new(LensParameters {
         width: 640,
@@ -173,7 +173,9 @@ fn allocations(sampler: Sampler, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations
     let response =
         Response::new(ResponseModel::Linear { black_level: 64, white_level: 4095, gain: 1e-3 }).unwrap();
     let frame_to_polar = FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).unwrap();
-    let extractor = Extractor::new(shape, &Options { count: 300, sampler, ..Options::default() }).unwrap();
+    let peaks = PeakOptions { slots, ..PeakOptions::default() };
+    let options = Options { count: 300, sampler, peaks, ..Options::default() };
+    let extractor = Extractor::new(shape, &options).unwrap();
     let filter = LightFilter::new(&FilterOptions::default()).unwrap();
 
     let (clock, shutdown) = (Clock::simulated(), Shutdown::new());
@@ -224,11 +226,16 @@ impl Stage for Disturbed {
 
 #[test]
 fn a_frame_in_the_steady_state_allocates_nothing() {
-    for sampler in [Sampler::Persistent, Sampler::Refined, Sampler::EqualPower] {
-        let counts = allocations(sampler, |_| ());
-        println!("{sampler:?}, {} frames, calibrate, light, filter: {counts:?}", FRAMES - WARM_UP);
+    for (sampler, slots) in
+        [(Sampler::Persistent, 0), (Sampler::Persistent, 3), (Sampler::Refined, 0), (Sampler::EqualPower, 0)]
+    {
+        let counts = allocations(sampler, slots, |_| ());
+        println!(
+            "{sampler:?}, {slots} peaks, {} frames, calibrate, light, filter: {counts:?}",
+            FRAMES - WARM_UP
+        );
         for count in counts {
-            assert_eq!(count.in_steps, 0, "{sampler:?}: {counts:?}");
+            assert_eq!(count.in_steps, 0, "{sampler:?}, {slots} peaks: {counts:?}");
             assert!(count.in_loop_and_links <= FIRST_WAITS, "{sampler:?}: {counts:?}");
         }
     }
@@ -236,6 +243,6 @@ fn a_frame_in_the_steady_state_allocates_nothing() {
 
 #[test]
 fn one_allocation_a_frame_is_seen() {
-    let counts = allocations(Sampler::Persistent, |taken| taken.push(vec![1]));
+    let counts = allocations(Sampler::Persistent, 0, |taken| taken.push(vec![1]));
     assert_eq!(counts.map(|count| count.in_steps), [0, 0, FRAMES - WARM_UP]);
 }

@@ -110,9 +110,10 @@ impl Peaks {
             slots: vec![empty; options.slots],
             rest: PolarMap::black(shape),
             is_open: vec![false; shape.len()],
-            stack: Vec::new(),
-            members: Vec::new(),
-            found: Vec::new(),
+            // As much as any map can need: nothing is allocated later.
+            stack: Vec::with_capacity(shape.len()),
+            members: Vec::with_capacity(shape.len()),
+            found: Vec::with_capacity(options.slots + 1),
         }
     }
 
@@ -175,10 +176,10 @@ impl Peaks {
             }
             let is_known = nearest(&mut self.slots, direction).is_some();
             let rank = if is_known { STAYING_FACTOR * flux } else { flux };
-            self.found.push(Peak { share, direction, members, rank });
+            let place = self.found.partition_point(|peak| peak.rank >= rank);
+            self.found.insert(place, Peak { share, direction, members, rank });
+            self.found.truncate(self.slots.len());
         }
-        self.found.sort_unstable_by(|a, b| b.rank.total_cmp(&a.rank));
-        self.found.truncate(self.slots.len());
     }
 
     /// Appends to `members` the open pixels that hang together with `start` (eight neighbours), and closes them. The
