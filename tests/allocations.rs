@@ -7,7 +7,7 @@ use lightcast::camera::{
 };
 use lightcast::error::Result;
 use lightcast::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
-use lightcast::light::{Extractor, LightList, Options, Sampler};
+use lightcast::light::{Extractor, LightList, Options, PeakOptions, Sampler};
 use lightcast::rt::link::bounded;
 use lightcast::rt::stage::{Flow, Nowhere, Stage, Tick, Ticks, run};
 use lightcast::rt::{Clock, Metrics, Shutdown};
@@ -159,8 +159,18 @@ impl Stage for End {
     }
 }
 
+/// What the frames are and what is made of them.
+#[derive(Clone, Copy, Debug)]
+struct Case {
+    sampler: Sampler,
+    /// Lights for peaks.
+    slots: usize,
+    bayer: Option<Bayer>,
+}
+
 /// Allocations of calibrate, light and filter over the frames after the warm-up.
-fn allocations(sampler: Sampler, bayer: Option<Bayer>, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
+fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
+    let Case { sampler, slots, bayer } = case;
     let shape = PolarShape::hemisphere(360, 90);
     let lens = Lens::new(LensParameters {
         width: 640,
@@ -180,7 +190,9 @@ fn allocations(sampler: Sampler, bayer: Option<Bayer>, disturb: fn(&mut Vec<Vec<
         None => FrameToPolar::new(&projection, LOOKING_UP, shape).unwrap(),
         Some(bayer) => FrameToPolar::mosaic(&projection, bayer, LOOKING_UP, shape).unwrap(),
     };
-    let extractor = Extractor::new(shape, &Options { count: 300, sampler, ..Options::default() }).unwrap();
+    let peaks = PeakOptions { slots, ..PeakOptions::default() };
+    let options = Options { count: 300, sampler, peaks, ..Options::default() };
+    let extractor = Extractor::new(shape, &options).unwrap();
     let filter = LightFilter::new(&FilterOptions::default()).unwrap();
 
     let (clock, shutdown) = (Clock::simulated(), Shutdown::new());
@@ -234,20 +246,25 @@ impl Stage for Disturbed {
 
 #[test]
 fn a_frame_in_the_steady_state_allocates_nothing() {
-    for (sampler, bayer) in
-        [(Sampler::Persistent, None), (Sampler::Refined, Some(Bayer::Rggb)), (Sampler::EqualPower, None)]
-    {
-        let counts = allocations(sampler, bayer, |_| ());
-        println!("{sampler:?}, {} frames, calibrate, light, filter: {counts:?}", FRAMES - WARM_UP);
+    let plain = |sampler| Case { sampler, slots: 0, bayer: None };
+    for case in [
+        plain(Sampler::Persistent),
+        Case { slots: 3, ..plain(Sampler::Persistent) },
+        Case { bayer: Some(Bayer::Rggb), ..plain(Sampler::Refined) },
+        plain(Sampler::EqualPower),
+    ] {
+        let counts = allocations(case, |_| ());
+        println!("{case:?}, {} frames, calibrate, light, filter: {counts:?}", FRAMES - WARM_UP);
         for count in counts {
-            assert_eq!(count.in_steps, 0, "{sampler:?}: {counts:?}");
-            assert!(count.in_loop_and_links <= FIRST_WAITS, "{sampler:?}: {counts:?}");
+            assert_eq!(count.in_steps, 0, "{case:?}: {counts:?}");
+            assert!(count.in_loop_and_links <= FIRST_WAITS, "{case:?}: {counts:?}");
         }
     }
 }
 
 #[test]
 fn one_allocation_a_frame_is_seen() {
-    let counts = allocations(Sampler::Persistent, None, |taken| taken.push(vec![1]));
+    let case = Case { sampler: Sampler::Persistent, slots: 0, bayer: None };
+    let counts = allocations(case, |taken| taken.push(vec![1]));
     assert_eq!(counts.map(|count| count.in_steps), [0, 0, FRAMES - WARM_UP]);
 }

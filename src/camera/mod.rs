@@ -1,4 +1,4 @@
-//! Response, lens, and the matrix from frame to polar map.
+//! Response, lens, how a camera stands, and the matrix from frame to polar map.
 //!
 //! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is
 //! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.
@@ -16,6 +16,7 @@ mod kalibr_file;
 mod lens;
 mod mosaic;
 mod opencv_file;
+mod orientation;
 mod overlap;
 mod pixel_counts;
 mod projection;
@@ -34,6 +35,7 @@ pub use colour_matrix::ColourMatrix;
 pub use exposure_merge::{ExposureMerge, MergeCounts, SensorNoise};
 pub use frame_to_polar::FrameToPolar;
 pub use lens::{Lens, LensParameters};
+pub use orientation::{Mark, Orientation, fit_orientation};
 pub use pixel_counts::PixelCounts;
 pub use projection::{LOOKING_UP, Projection};
 pub use response::{Response, ResponseModel};

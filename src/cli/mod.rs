@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand.
 
+mod calibrate;
 #[cfg(feature = "camera")]
 mod devices;
 mod lights;
@@ -40,6 +41,7 @@ enum Command {
     #[cfg(feature = "camera")]
     Devices(devices::Arguments),
     Lights(lights::Arguments),
+    Calibrate(calibrate::Arguments),
     #[cfg(feature = "render")]
     Render(render::Arguments),
     Synthesize(synthesize::Arguments),
@@ -60,6 +62,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "camera")]
         Command::Devices(arguments) => devices::run(arguments),
         Command::Lights(arguments) => lights::run(arguments),
+        Command::Calibrate(arguments) => calibrate::run(arguments),
         #[cfg(feature = "render")]
         Command::Render(arguments) => render::run(arguments),
         Command::Synthesize(arguments) => synthesize::run(arguments),

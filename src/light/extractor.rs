@@ -1,5 +1,6 @@
 use super::equal_power::equal_power;
 use super::nearest::NearestSites;
+use super::peaks::{PeakOptions, Peaks};
 use super::refine::Cells;
 use super::{Light, LightList, MapIrradiance};
 use crate::error::{Error, Result};
@@ -43,7 +44,7 @@ pub enum Inversion {
 }
 
 /// What to extract.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "snake_case")]
 pub struct Options {
     /// Number of lights, 1 to [`MAX_LIGHTS`]. Samples are spread best at counts of the form 2^k 3^m.
@@ -54,6 +55,8 @@ pub struct Options {
     pub inversion: Inversion,
     /// Steps of Lloyd's relaxation of the sample points, 0 to 100, at start-up.
     pub relaxation_steps: usize,
+    /// Dominant peaks that become lights of their own; not for equal-power lights.
+    pub peaks: PeakOptions,
 }
 
 impl Default for Options {
@@ -64,6 +67,7 @@ impl Default for Options {
             inversion: Inversion::default(),
             // What the tables of METHODS were measured with.
             relaxation_steps: 4,
+            peaks: PeakOptions::default(),
         }
     }
 }
@@ -82,6 +86,7 @@ pub struct Extractor {
     nearest_sites: NearestSites,
     nearest: Vec<u32>,
     cells: Cells,
+    peaks: Option<Peaks>,
     map_irradiance: MapIrradiance,
 }
 
@@ -95,10 +100,11 @@ impl Extractor {
     /// Prepares points and tables for maps of one shape.
     ///
     /// # Errors
-    /// `Usage` for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps, and for a shape without
+    /// `Usage` for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps, for peaks that leave no
+    /// light for the rest, have a threshold of 1 or less or are asked of equal-power lights, and for a shape without
     /// pixels, with too many, narrower than 0.001 rad or not within the sphere.
     pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
-        let Options { count, sampler, inversion, relaxation_steps } = *options;
+        let Options { count, sampler, inversion, relaxation_steps, peaks } = *options;
         if !(1..=MAX_LIGHTS).contains(&count) {
             return Err(Error::usage(format!("count: {count} lights; give 1 to {MAX_LIGHTS}")));
         }
@@ -106,6 +112,12 @@ impl Extractor {
             return Err(Error::usage(format!(
                 "relaxation_steps: {relaxation_steps}; a few suffice, give 0 to 100"
             )));
+        }
+        peaks.check(count)?;
+        if peaks.slots > 0 && sampler == Sampler::EqualPower {
+            return Err(Error::usage(
+                "peaks.slots: equal-power lights have none; give 0, or another sampler",
+            ));
         }
         let pixels = shape.columns.checked_mul(shape.rows).filter(|&n| (1..=MAX_PIXELS).contains(&n));
         if pixels.is_none() {
@@ -132,17 +144,19 @@ impl Extractor {
                 Distribution::Bicontinuous(Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64)))
             }
         };
+        let site_count = count - peaks.slots;
         Ok(Self {
             shape,
             sampler,
-            points: sample_points(count, relaxation_steps),
+            points: sample_points(site_count, relaxation_steps),
             distribution,
             importance: vec![0.0; shape.len()],
-            sites: Vec::with_capacity(count),
+            sites: Vec::with_capacity(site_count),
             lit: false,
-            nearest_sites: NearestSites::new(shape, count),
+            nearest_sites: NearestSites::new(shape, site_count),
             nearest: vec![0; shape.len()],
-            cells: Cells::new(shape.columns, count),
+            cells: Cells::new(shape.columns, site_count),
+            peaks: (peaks.slots > 0).then(|| Peaks::new(shape, &peaks)),
             map_irradiance: MapIrradiance::new(shape),
         })
     }
@@ -152,7 +166,7 @@ impl Extractor {
     /// lets out, so they are not worked out here only to be replaced.
     ///
     /// Equal-power lights keep the luminous power of the map, the others its RGB power. A map without light gives
-    /// lights without power: towards uniform directions, or, persistent, where they were.
+    /// lights without power: towards uniform directions, or, persistent, where they were. Lights of peaks come first.
     ///
     /// # Panics
     /// If the map is not of this extractor's shape.
@@ -169,28 +183,45 @@ impl Extractor {
         assert!(map.shape == self.shape && map.pixels.len() == self.shape.len(), "the map's shape");
         list.stamp = map.stamp;
         list.filter_delay_frames = 0;
+        let mut peaks = self.peaks.take();
+        let rest = peaks.as_mut().map_or(map, |peaks| peaks.step(map));
+        self.extract_rest(rest, &mut list.lights);
+        if let Some(peaks) = &peaks {
+            // First in the list, so that no prefix joins them to anything.
+            let site_count = list.lights.len();
+            list.lights.extend(peaks.lights());
+            list.lights.rotate_left(site_count);
+            for (id, light) in list.lights.iter_mut().enumerate() {
+                light.id = id as u32;
+            }
+        }
+        self.peaks = peaks;
+        list.power = list.sum_of_lights();
+    }
+
+    /// The lights of the map, or of what its peaks leave.
+    fn extract_rest(&mut self, map: &PolarMap, lights: &mut Vec<Light>) {
         match self.sampler {
             Sampler::EqualPower => {
                 self.sample_sites(map, luminance);
-                equal_power(map, &self.sites, &mut list.lights);
+                equal_power(map, &self.sites, lights);
             }
             Sampler::Refined => {
                 self.sample_sites(map, dampened);
-                self.refine(map, &mut list.lights);
+                self.refine(map, lights);
             }
             Sampler::Persistent => {
                 // Until there was light, the last directions say nothing about where to look for it.
                 if !self.lit {
                     self.sample_sites(map, dampened);
                 }
-                self.refine(map, &mut list.lights);
-                self.lit |= list.lights.iter().any(|light| light.irradiance != [0.0; 3]);
-                for (site, light) in self.sites.iter_mut().zip(&list.lights) {
+                self.refine(map, lights);
+                self.lit |= lights.iter().any(|light| light.irradiance != [0.0; 3]);
+                for (site, light) in self.sites.iter_mut().zip(lights.iter()) {
                     *site = light.direction;
                 }
             }
         }
-        list.power = list.sum_of_lights();
     }
 
     /// Puts the sites where the inverse transform of `importance(pixel)` takes the points.

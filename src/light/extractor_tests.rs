@@ -3,7 +3,7 @@
 
 use super::error::ListError;
 use super::test_maps::{hard_maps, real_maps};
-use super::{Extractor, Inversion, Light, LightList, Options, Sampler};
+use super::{Extractor, Inversion, Light, LightList, Options, PeakOptions, Sampler};
 use crate::error::Kind;
 use crate::image::{PolarMap, PolarShape, luminance_f64};
 
@@ -189,7 +189,8 @@ fn counts_and_shapes_beyond_reason_are_refused() {
 #[test]
 fn options_are_read_by_name_and_unknown_names_refused() {
     let options: Options = toml::from_str(
-        "count = 300\nsampler = \"equal-power\"\ninversion = \"standard\"\nrelaxation_steps = 0",
+        "count = 300\nsampler = \"equal-power\"\ninversion = \"standard\"\nrelaxation_steps = 0\n\
+         peaks = { slots = 2, threshold = 5 }",
     )
     .unwrap();
     let expected = Options {
@@ -197,8 +198,10 @@ fn options_are_read_by_name_and_unknown_names_refused() {
         sampler: Sampler::EqualPower,
         inversion: Inversion::Standard,
         relaxation_steps: 0,
+        peaks: PeakOptions { slots: 2, threshold: 5.0 },
     };
     assert_eq!(options, expected);
     assert_eq!(toml::from_str::<Options>("").unwrap(), Options::default());
+    assert!(toml::from_str::<Options>("peaks = { slot = 3 }").unwrap_err().to_string().contains("slot"));
     assert!(toml::from_str::<Options>("cuont = 3").unwrap_err().to_string().contains("cuont"));
 }

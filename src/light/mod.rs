@@ -1,7 +1,7 @@
 //! From a polar map to a short list of directional lights (METHODS section 6).
 //!
 //! [`Extractor`] is the stage's algorithm: it places sites by importance sampling or takes those of the last frame,
-//! gives every pixel to its nearest site and sums the cells up to lights. [`prefix`] and [`cluster`]
+//! gives every pixel to its nearest site and sums the cells up to lights. Dominant peaks may be taken apart before. [`prefix`] and [`cluster`]
 //! shorten a list, [`Regions`] sort it by what a normal or a cone needs of it.
 
 mod cluster;
@@ -11,6 +11,7 @@ mod extractor;
 mod list;
 pub mod measure;
 mod nearest;
+mod peaks;
 mod prefix;
 mod reference;
 mod refine;
@@ -27,6 +28,7 @@ pub use cluster::cluster;
 pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
 pub use list::{Light, LightList, ListFile};
 pub use nearest::NearestSites;
+pub use peaks::PeakOptions;
 pub use prefix::{prefix, prefix_with_heads};
 pub use reference::MapIrradiance;
 pub use regions::{RegionLists, Regions};
