@@ -4,8 +4,10 @@
 //! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.
 
 mod band_kernels;
+mod calibrate_lens;
 mod calibration;
 mod chart;
+mod corner_file;
 mod document;
 mod footprints;
 mod frame_to_polar;
@@ -23,7 +25,12 @@ mod energy_tests;
 #[cfg(test)]
 mod hard_case_tests;
 
+pub use calibrate_lens::{
+    BoardView, Corner, CornerResidual, LensDeviations, LensFit, LensFitOptions, LensStart, ViewFit,
+    calibrate_lens,
+};
 pub use calibration::Calibration;
+pub use corner_file::CornerSet;
 pub use frame_to_polar::FrameToPolar;
 pub use lens::{Lens, LensParameters};
 pub use pixel_counts::PixelCounts;

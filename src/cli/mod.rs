@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand.
 
+mod calibrate;
 mod lights;
 mod messages;
 mod panorama;
@@ -37,6 +38,7 @@ enum Command {
     #[cfg(feature = "render")]
     Render(render::Arguments),
     Synthesize(synthesize::Arguments),
+    Calibrate(calibrate::Arguments),
     Report(report::Arguments),
     #[cfg(feature = "render")]
     ReportPictures(report_pictures::Arguments),
@@ -54,6 +56,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "render")]
         Command::Render(arguments) => render::run(arguments),
         Command::Synthesize(arguments) => synthesize::run(arguments),
+        Command::Calibrate(arguments) => calibrate::run(arguments),
         Command::Report(arguments) => report::run(arguments),
         #[cfg(feature = "render")]
         Command::ReportPictures(arguments) => report_pictures::run(arguments),
