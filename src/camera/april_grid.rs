@@ -80,10 +80,20 @@ impl AprilGrid {
     pub fn parse(text: &str) -> Result<Self> {
         let file: File = serde_saphyr::from_str(text)
             .map_err(|error| Error::usage("is no target file of Kalibr").because(error.to_string()))?;
-        let File { target_type, tag_cols: columns, tag_rows: rows, tag_size, tag_spacing, low_id, code_offset } = file;
+        let File {
+            target_type,
+            tag_cols: columns,
+            tag_rows: rows,
+            tag_size,
+            tag_spacing,
+            low_id,
+            code_offset,
+        } = file;
         let positive = |value: f64| value > 0.0 && value.is_finite();
         let fault = if target_type != "aprilgrid" {
-            format!("key target_type: {target_type}, only aprilgrid is found in photographs; give others as corners")
+            format!(
+                "key target_type: {target_type}, only aprilgrid is found in photographs; give others as corners"
+            )
         } else if columns == 0 || rows == 0 || columns.checked_mul(rows).is_none_or(|tags| tags > TAGS_MAX) {
             format!("keys tagCols and tagRows: {columns} x {rows}, the family 36h11 has 1 to {TAGS_MAX} tags")
         } else if !positive(tag_size) {
@@ -119,7 +129,8 @@ impl AprilGrid {
                 "{width} x {height} pixels are too few to show a board, at least {SIDE_MIN_PX} a side are needed"
             )));
         }
-        let parameters = DetectorParams { tag_spacing_ratio: self.spacing as f32, ..DetectorParams::default_params() };
+        let parameters =
+            DetectorParams { tag_spacing_ratio: self.spacing as f32, ..DetectorParams::default_params() };
         let detector = TagDetector::new(&TagFamily::T36H11, Some(parameters));
         let grey = ::image::GrayImage::from_raw(*width as u32, *height as u32, values.clone())
             .ok_or_else(|| Error::bad_frame("is too large to look for a board in"))?;

@@ -259,7 +259,8 @@ fn read(path: &Path) -> Result<String> {
     if bytes.len() as u64 > SIZE_MAX_BYTES {
         return Err(Error::usage("is larger than 64 MiB: give fewer views"));
     }
-    String::from_utf8(bytes).map_err(|error| Error::usage("is not text").because(error))
+    String::from_utf8(bytes)
+        .map_err(|error| Error::usage("is not text (photographs need a board, --april-grid)").because(error))
 }
 
 #[cfg(test)]

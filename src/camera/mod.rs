@@ -3,6 +3,8 @@
 //! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is
 //! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.
 
+#[cfg(feature = "april-grid")]
+mod april_grid;
 mod band_kernels;
 mod calibrate_lens;
 mod calibration;
@@ -25,6 +27,8 @@ mod energy_tests;
 #[cfg(test)]
 mod hard_case_tests;
 
+#[cfg(feature = "april-grid")]
+pub use april_grid::AprilGrid;
 pub use calibrate_lens::{
     BoardView, Corner, CornerResidual, LensDeviations, LensFit, LensFitOptions, LensStart, ViewFit,
     calibrate_lens,

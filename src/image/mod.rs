@@ -4,6 +4,8 @@
 mod file;
 mod frame;
 mod open_exr;
+#[cfg(feature = "april-grid")]
+mod photograph;
 mod png;
 mod polar_map;
 mod radiance;
@@ -13,6 +15,8 @@ pub(crate) mod test_data;
 pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, lat_long_note, read};
 pub use frame::{Frame, Pixels, Stamp};
 pub use open_exr::write_exr;
+#[cfg(feature = "april-grid")]
+pub use photograph::{GreyPicture, read_grey};
 pub use png::{write_png8, write_png16};
 pub use polar_map::{PolarMap, PolarShape};
 

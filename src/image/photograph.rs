@@ -43,7 +43,8 @@ pub fn read_grey(path: &Path) -> Result<GreyPicture> {
 
 fn decode(path: &Path) -> Result<GreyPicture> {
     let unreadable = |error: std::io::Error| Error::bad_frame("cannot be opened").because(error);
-    let damaged = |error| Error::bad_frame("cannot be decoded; is it complete?").because::<::image::ImageError>(error);
+    let damaged =
+        |error: ::image::ImageError| Error::bad_frame("cannot be decoded; is it complete?").because(error);
     let file = BufReader::new(File::open(path).map_err(unreadable)?);
     let mut reader = ImageReader::new(file).with_guessed_format().map_err(unreadable)?;
     if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg)) {
@@ -130,6 +131,11 @@ mod tests {
             assert_eq!(error.kind(), Kind::BadFrame);
             assert!(error.to_string().contains(part), "{error}");
         }
-        assert!(read_grey(&folder.path().join("b.png")).unwrap_err().to_string().contains("b.png: cannot be opened"));
+        assert!(
+            read_grey(&folder.path().join("b.png"))
+                .unwrap_err()
+                .to_string()
+                .contains("b.png: cannot be opened")
+        );
     }
 }

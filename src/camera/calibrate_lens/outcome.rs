@@ -204,7 +204,13 @@ fn lens(state: &State, start: &LensStart, theta_max_rad: f64) -> Result<(Lens, V
         }
     }
     // A few degrees of extrapolation are usual: boards have a white border.
-    if 0.5 * field_of_view_rad - theta_max_rad > 5f64.to_radians() {
+    if theta_max_rad > 0.5 * field_of_view_rad {
+        notes.push(format!(
+            "the corners reach {widest_deg:.1} degrees from the axis, beyond the declared field of view of {:.1}: rays \
+             outside it will not be seen; declare the whole field of view",
+            field_of_view_rad.to_degrees()
+        ));
+    } else if 0.5 * field_of_view_rad - theta_max_rad > 5f64.to_radians() {
         notes.push(format!(
             "the corners reach {widest_deg:.1} degrees from the axis, the field of view {:.1}: between them the lens is \
              extrapolated",

@@ -49,11 +49,23 @@ fn wide_start() -> LensStart {
 /// Views of a board of 9 x 7 corners whose middle stands at 0 to 88 degrees from the axis, tilted towards the camera and
 /// beside it, so that corners reach 105 degrees.
 fn synthetic(lens: LensParameters, count: usize, noise_px: f64) -> Vec<BoardView> {
-    let lens = Lens::new(LensParameters { field_of_view_rad: 230f64.to_radians(), ..lens }).unwrap();
+    synthetic_within(lens, 230.0, 88.0, count, noise_px)
+}
+
+/// The same with the board's middle up to `middle_deg` from the axis, through a lens that sees `field_of_view_deg`.
+fn synthetic_within(
+    lens: LensParameters,
+    field_of_view_deg: f64,
+    middle_deg: f64,
+    count: usize,
+    noise_px: f64,
+) -> Vec<BoardView> {
+    let lens =
+        Lens::new(LensParameters { field_of_view_rad: field_of_view_deg.to_radians(), ..lens }).unwrap();
     let mut noise = Noise(7);
     (0..count)
         .map(|view| {
-            let theta = (88.0 * view as f64 / (count - 1).max(1) as f64).to_radians();
+            let theta = (middle_deg * view as f64 / (count - 1).max(1) as f64).to_radians();
             let psi = 2.4 * view as f64;
             let sight = DVec3::new(theta.sin() * psi.cos(), theta.sin() * psi.sin(), theta.cos());
             let towards = DMat3::from_axis_angle(DVec3::new(-psi.sin(), psi.cos(), 0.0), theta);
@@ -123,6 +135,47 @@ fn the_start_may_be_a_third_off() {
 }
 
 #[test]
+fn the_declared_field_of_view_is_kept_cut_or_remarked_on() {
+    // r' = 1 - 0.3 theta^2 vanishes at 104.6 degrees; corners reach 70 degrees.
+    let turning = LensParameters { k: [-0.1, 0.0, 0.0, 0.0], field_of_view_rad: 3.6, ..wide_lens() };
+    let mut views = synthetic_within(turning, 208.0, 50.0, 16, 0.0);
+    let declare = |field_of_view_deg: f64| LensStart {
+        field_of_view_rad: field_of_view_deg.to_radians(),
+        circle_diameter_px: 262.0 * field_of_view_deg.to_radians(),
+        ..wide_start()
+    };
+    let cut = fit(&views, &declare(240.0));
+    let expected_deg = 2.0 * (10.0f64 / 3.0).sqrt().to_degrees();
+    let found_deg = cut.lens.parameters().field_of_view_rad.to_degrees();
+    assert!(
+        (found_deg - expected_deg).abs() < 1e-3 && found_deg < expected_deg,
+        "{found_deg} {expected_deg}"
+    );
+    assert!(cut.notes[0].contains("cut from the declared 240.00"), "{:?}", cut.notes);
+    assert!(cut.notes[1].contains("extrapolated"), "{:?}", cut.notes);
+    let narrow = fit(&views, &declare(100.0));
+    assert!(narrow.notes[0].contains("beyond the declared field of view of 100.0"), "{:?}", narrow.notes);
+    let widest_deg = 2.0 * cut.theta_max_rad.to_degrees();
+    assert!(fit(&views, &declare(widest_deg + 4.0)).notes.is_empty());
+
+    // Corners whose radii fall again towards the rim, as no lens has it.
+    for view in &mut views {
+        for corner in &mut view.corners {
+            let from_centre = corner.pixel - DVec2::new(515.3, 508.1);
+            let r = from_centre.length() / 262.0;
+            corner.pixel = DVec2::new(515.3, 508.1) + from_centre * (1.0 - 0.5 * r.powi(4));
+        }
+    }
+    let keep_all = LensFitOptions { drop_factor: f64::INFINITY };
+    let error = calibrate_lens(&views, &declare(200.0), &keep_all).unwrap_err();
+    assert_eq!(error.kind(), Kind::Failed);
+    assert!(
+        error.to_string().contains("turns at") && error.to_string().contains("inside the corners"),
+        "{error}"
+    );
+}
+
+#[test]
 fn noise_leaves_the_deviations_that_are_reported() {
     let views = synthetic(wide_lens(), 24, 0.2);
     let fit = fit(&views, &wide_start());
@@ -147,10 +200,12 @@ fn noise_leaves_the_deviations_that_are_reported() {
     assert!(errors.iter().any(|error| error.abs() > 0.1), "deviations are far too large: {errors:?}");
 }
 
+type Spoil = fn(&mut BoardView);
+
 #[test]
 fn a_spoiled_view_is_named_and_dropped_and_does_not_bend_the_lens() {
     let good = synthetic(wide_lens(), 16, 0.1);
-    let spoils: [(&str, fn(&mut BoardView)); 4] = [
+    let spoils: [(&str, Spoil); 4] = [
         ("noise", |view| {
             let mut noise = Noise(99);
             for corner in &mut view.corners {

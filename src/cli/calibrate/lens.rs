@@ -1,4 +1,8 @@
+#[cfg(feature = "april-grid")]
+use super::photographs;
 use super::residual_plot::residual_plot;
+#[cfg(feature = "april-grid")]
+use crate::camera::AprilGrid;
 use crate::camera::{
     Calibration, CornerSet, LensFit, LensFitOptions, LensParameters, LensStart, Response, calibrate_lens,
 };
@@ -20,6 +24,10 @@ use std::path::{Path, PathBuf};
 ///
 /// Example: lightcast calibrate lens corners.json --field-of-view-deg 185 --circle-diameter-px 1010
 ///              --output lens.json --plot residuals.svg | jq .rms_px
+///
+/// Photographs (PNG of 8 or 16 bits, JPEG) of an AprilGrid, the board of Kalibr:
+///
+///     lightcast calibrate lens --april-grid april_6x6.yaml board*.png --field-of-view-deg 185 --output lens.json
 ///
 /// The file of corners, here from chessboards with OpenCV's detector in Python:
 ///
@@ -44,6 +52,17 @@ pub(super) struct Arguments {
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
 
+    /// The board in the photographs: a target file of Kalibr (target_type: 'aprilgrid', tagCols, tagRows, tagSize in
+    /// metres, tagSpacing as a share of tagSize).
+    #[cfg(feature = "april-grid")]
+    #[arg(long, value_name = "FILE")]
+    april_grid: Option<PathBuf>,
+
+    /// Write the corners that were found in the photographs to this file, from which the fit can be repeated.
+    #[cfg(feature = "april-grid")]
+    #[arg(long, value_name = "FILE", requires = "april_grid")]
+    save_corners: Option<PathBuf>,
+
     /// Full opening angle of the lens, as its maker gives it: the angle that the circle holds. The fitted lens
     /// declares it, or less where r(theta) turns before.
     #[arg(long, value_name = "DEGREES")]
@@ -55,8 +74,8 @@ pub(super) struct Arguments {
     circle_diameter_px: Option<f64>,
 
     /// Centre of the circle, roughly [default: the picture's].
-    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 2)]
-    circle_centre_px: Option<Vec<f64>>,
+    #[arg(long, value_name = "X,Y", value_parser = position)]
+    circle_centre_px: Option<DVec2>,
 
     /// Drop pictures whose RMS residual is over this many times the median of all; `inf` keeps them.
     #[arg(long, value_name = "FACTOR", default_value_t = LensFitOptions::default().drop_factor)]
@@ -114,6 +133,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     print(&report(&fit))
 }
 
+/// `X,Y`, in pixels.
+fn position(text: &str) -> std::result::Result<DVec2, String> {
+    let numbers = text.split_once(',').map(|(x, y)| (x.trim().parse(), y.trim().parse()));
+    match numbers {
+        Some((Ok(x), Ok(y))) => Ok(DVec2::new(x, y)),
+        _ => Err("two numbers with a comma between them expected, such as 512,498.5".to_owned()),
+    }
+}
+
 /// What an existing calibration says of the response, so that calibrating the lens does not lose it.
 fn kept_response(output: &Path) -> Result<Response> {
     if !output.exists() {
@@ -149,9 +177,20 @@ impl OpencvForm {
 }
 
 fn corners(arguments: &Arguments) -> Result<CornerSet> {
+    #[cfg(feature = "april-grid")]
+    if let Some(board) = &arguments.april_grid {
+        let corners = photographs::corners(&AprilGrid::load(board)?, &arguments.files)?;
+        if let Some(path) = &arguments.save_corners {
+            write(path, &corners.to_json())?;
+        }
+        return Ok(corners);
+    }
     match arguments.files.as_slice() {
         [file] => CornerSet::load(file),
-        _ => Err(Error::usage("one file of corners expected")),
+        files => Err(Error::usage(format!(
+            "{} files, one file of corners expected; photographs need a board, --april-grid FILE",
+            files.len()
+        ))),
     }
 }
 
@@ -162,10 +201,9 @@ fn start(arguments: &Arguments, corners: &CornerSet) -> LensStart {
         height,
         field_of_view_rad: arguments.field_of_view_deg.to_radians(),
         circle_diameter_px: arguments.circle_diameter_px.unwrap_or(width.min(height) as f64),
-        circle_centre_px: match arguments.circle_centre_px.as_deref() {
-            Some(&[x, y]) => DVec2::new(x, y),
-            _ => DVec2::new(width as f64, height as f64) * 0.5,
-        },
+        circle_centre_px: arguments
+            .circle_centre_px
+            .unwrap_or_else(|| DVec2::new(width as f64, height as f64) * 0.5),
     }
 }
 
@@ -221,3 +259,6 @@ fn print(report: &serde_json::Value) -> Result<()> {
         _ => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,8 @@
 //! `lightcast calibrate`: one file per thing that is calibrated.
 
 mod lens;
+#[cfg(feature = "april-grid")]
+mod photographs;
 mod residual_plot;
 
 use crate::error::Result;
