@@ -3,11 +3,15 @@
 //! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is
 //! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.
 
+#[cfg(feature = "april-grid")]
+mod april_grid;
 mod area_matrix;
 mod band_kernels;
+mod calibrate_lens;
 mod calibration;
 mod chart;
 mod colour_matrix;
+mod corner_file;
 mod document;
 mod exposure_merge;
 mod footprints;
@@ -30,8 +34,15 @@ mod hard_case_tests;
 #[cfg(test)]
 mod mosaic_tests;
 
+#[cfg(feature = "april-grid")]
+pub use april_grid::AprilGrid;
+pub use calibrate_lens::{
+    BoardView, Corner, CornerResidual, LensDeviations, LensFit, LensFitOptions, LensStart, ViewFit,
+    calibrate_lens,
+};
 pub use calibration::Calibration;
 pub use colour_matrix::ColourMatrix;
+pub use corner_file::CornerSet;
 pub use exposure_merge::{ExposureMerge, MergeCounts, SensorNoise};
 pub use frame_to_polar::FrameToPolar;
 pub use lens::{Lens, LensParameters};

@@ -4,6 +4,8 @@
 mod file;
 mod frame;
 mod open_exr;
+#[cfg(feature = "april-grid")]
+mod photograph;
 mod png;
 mod polar_map;
 mod radiance;
@@ -15,6 +17,8 @@ pub use file::{
 };
 pub use frame::{Bayer, Frame, Pixels, Stamp};
 pub use open_exr::{write_exr, write_recorded_exr};
+#[cfg(feature = "april-grid")]
+pub use photograph::{GreyPicture, read_grey};
 pub use png::{write_png8, write_png16};
 pub use polar_map::{PolarMap, PolarShape};
 

@@ -1,4 +1,10 @@
+//! `lightcast calibrate`: one file per thing that is calibrated.
+
+mod lens;
 mod orientation;
+#[cfg(feature = "april-grid")]
+mod photographs;
+mod residual_plot;
 
 use crate::error::Result;
 use clap::Subcommand;
@@ -12,11 +18,13 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum What {
+    Lens(lens::Arguments),
     Orientation(orientation::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.what {
+        What::Lens(arguments) => lens::run(arguments),
         What::Orientation(arguments) => orientation::run(arguments),
     }
 }
