@@ -1,8 +1,10 @@
 //! Pictures as numbers: what a source delivers ([`Frame`]), what the lights are taken from ([`PolarMap`]), and
-//! the files that hold them ([`read`], [`write_exr`], [`write_png16`], [`write_png8`]).
+//! the files that hold them ([`read`], [`decode_jpeg`], [`write_exr`], [`write_png16`], [`write_png8`]).
 
+mod exposure;
 mod file;
 mod frame;
+mod jpeg;
 mod open_exr;
 mod png;
 mod polar_map;
@@ -10,8 +12,10 @@ mod radiance;
 #[cfg(test)]
 pub(crate) mod test_data;
 
+pub use exposure::{ExposureSettings, exposure_settings};
 pub use file::{Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, lat_long_note, read};
 pub use frame::{Frame, Pixels, Stamp};
+pub use jpeg::decode_jpeg;
 pub use open_exr::write_exr;
 pub use png::{write_png8, write_png16};
 pub use polar_map::{PolarMap, PolarShape};
