@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand.
 
+mod calibrate;
 mod lights;
 mod messages;
 mod panorama;
@@ -38,6 +39,7 @@ enum Command {
     Render(render::Arguments),
     Synthesize(synthesize::Arguments),
     Report(report::Arguments),
+    Calibrate(calibrate::Arguments),
     #[cfg(feature = "render")]
     ReportPictures(report_pictures::Arguments),
     #[cfg(feature = "render")]
@@ -55,6 +57,7 @@ pub fn main() -> ExitCode {
         Command::Render(arguments) => render::run(arguments),
         Command::Synthesize(arguments) => synthesize::run(arguments),
         Command::Report(arguments) => report::run(arguments),
+        Command::Calibrate(arguments) => calibrate::run(arguments),
         #[cfg(feature = "render")]
         Command::ReportPictures(arguments) => report_pictures::run(arguments),
         #[cfg(feature = "render")]
