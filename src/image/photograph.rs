@@ -1,11 +1,7 @@
 //! Photographs as 8-bit grey, for what looks for shapes and not for radiance.
 
-use super::file::check_size;
+use super::{Frame, Pixels, read};
 use crate::error::{Error, Result};
-use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
-use std::fs::File;
-use std::io::BufReader;
-use std::panic::catch_unwind;
 use std::path::Path;
 
 /// A picture of grey values for display, row-major.
@@ -19,51 +15,35 @@ pub struct GreyPicture {
     pub values: Vec<u8>,
 }
 
-/// Memory that a decoder may take: 1.2 GB are 8 bytes for each of 2^27 pixels and some tables.
-const DECODER_BYTES: u64 = 1_200_000_000;
-
 /// Shares of the pixels that may become black and white when 16 bits are scaled to 8: a lamp in the picture is a
 /// thousand times brighter than what is to be seen.
 const BLACK_SHARE: f64 = 0.01;
 const WHITE_SHARE: f64 = 0.05;
 
-/// Reads a PNG (8 or 16 bits) or JPEG file. Colours become luma; 16-bit values are stretched, so that 1 % of the pixels
-/// are black and 5 % white.
+/// Reads a picture of codes: PNG, JPEG, or a frame of a recording. Colours become luma; what has more than 8 bits is
+/// stretched, so that 1 % of the pixels are black and 5 % white.
 ///
 /// # Errors
 ///
-/// `BadFrame`, naming the file: one that cannot be opened, is damaged or of another kind, or has no pixels or more than
-/// [`MAX_PIXELS`](super::MAX_PIXELS). No content of a file panics.
+/// `BadFrame`, naming the file: those of [`read`], and a picture of radiance.
 pub fn read_grey(path: &Path) -> Result<GreyPicture> {
-    // As for frames: a decoder that panics on a damaged file must not end the program.
-    catch_unwind(|| decode(path))
-        .unwrap_or_else(|_| Err(Error::bad_frame("is damaged: its decoder gave up")))
-        .map_err(|error| error.at(path.display()))
-}
-
-fn decode(path: &Path) -> Result<GreyPicture> {
-    let unreadable = |error: std::io::Error| Error::bad_frame("cannot be opened").because(error);
-    let damaged =
-        |error: ::image::ImageError| Error::bad_frame("cannot be decoded; is it complete?").because(error);
-    let file = BufReader::new(File::open(path).map_err(unreadable)?);
-    let mut reader = ImageReader::new(file).with_guessed_format().map_err(unreadable)?;
-    if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-        return Err(Error::bad_frame("is neither PNG nor JPEG; save photographs as one of them"));
+    let mut frame = Frame::default();
+    read(path, &mut frame)?;
+    let Frame { width, height, channels, pixels, .. } = frame;
+    let Pixels::Codes(mut codes) = pixels else {
+        return Err(Error::bad_frame("holds radiance; photographs are PNG or JPEG").at(path.display()));
+    };
+    if channels == 3 {
+        // ITU-R BT.601, on coded values.
+        let luma = |rgb: &[u16; 3]| {
+            (0.299 * f64::from(rgb[0]) + 0.587 * f64::from(rgb[1]) + 0.114 * f64::from(rgb[2])).round()
+        };
+        codes = codes.as_chunks().0.iter().map(|rgb| luma(rgb) as u16).collect();
     }
-    let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(DECODER_BYTES);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(damaged)?;
-    let (width, height) = decoder.dimensions();
-    let (width, height) = (width as usize, height as usize);
-    check_size(width, height)?;
-    let picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
-    let values = match picture {
-        DynamicImage::ImageLuma16(_)
-        | DynamicImage::ImageLumaA16(_)
-        | DynamicImage::ImageRgb16(_)
-        | DynamicImage::ImageRgba16(_) => stretched(picture.into_luma16().as_raw()),
-        _ => picture.into_luma8().into_raw(),
+    let values = if codes.iter().any(|&code| code > 255) {
+        stretched(&codes)
+    } else {
+        codes.iter().map(|&code| code as u8).collect()
     };
     Ok(GreyPicture { width, height, values })
 }
@@ -85,7 +65,7 @@ fn stretched(values: &[u16]) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::image::{Frame, Pixels, write_png8, write_png16};
+    use crate::image::{write_exr, write_png8, write_png16};
 
     #[test]
     fn sixteen_bits_are_stretched_past_lamps_and_eight_stay_as_they_are() {
@@ -110,32 +90,19 @@ mod tests {
     }
 
     #[test]
-    fn jpeg_is_read_and_others_are_refused_by_name() {
+    fn jpeg_is_read_and_radiance_is_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.jpg");
         let grey = ::image::GrayImage::from_fn(64, 32, |x, _| ::image::Luma([if x < 32 { 20 } else { 220 }]));
-        grey.save_with_format(&path, ImageFormat::Jpeg).unwrap();
+        grey.save_with_format(&path, ::image::ImageFormat::Jpeg).unwrap();
         let picture = read_grey(&path).unwrap();
         assert_eq!((picture.width, picture.height), (64, 32));
         assert!(picture.values[5].abs_diff(20) < 5 && picture.values[60].abs_diff(220) < 5);
-        let whole = std::fs::read(&path).unwrap();
-        for (content, part) in
-            [(&b"GIF89a"[..], "neither PNG nor JPEG"), (&[], "neither"), (&whole[..whole.len() / 3], "a.jpg")]
-        {
-            std::fs::write(&path, content).unwrap();
-            // A decoder may fill up what is missing of a JPEG file.
-            let Err(error) = read_grey(&path) else {
-                assert!(content.len() > 10);
-                continue;
-            };
-            assert_eq!(error.kind(), Kind::BadFrame);
-            assert!(error.to_string().contains(part), "{error}");
-        }
-        assert!(
-            read_grey(&folder.path().join("b.png"))
-                .unwrap_err()
-                .to_string()
-                .contains("b.png: cannot be opened")
-        );
+        let path = folder.path().join("a.exr");
+        let frame = Frame { width: 1, height: 1, pixels: Pixels::Radiance(vec![1.0]), ..Frame::default() };
+        write_exr(&path, &frame, None, false).unwrap();
+        let error = read_grey(&path).unwrap_err();
+        assert_eq!(error.kind(), Kind::BadFrame);
+        assert!(error.to_string().ends_with("a.exr: holds radiance; photographs are PNG or JPEG"), "{error}");
     }
 }

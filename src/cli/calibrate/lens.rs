@@ -1,15 +1,16 @@
 #[cfg(feature = "april-grid")]
 use super::photographs;
 use super::residual_plot::residual_plot;
+use super::write;
 #[cfg(feature = "april-grid")]
 use crate::camera::AprilGrid;
 use crate::camera::{
     Calibration, CornerSet, LensFit, LensFitOptions, LensParameters, LensStart, Response, calibrate_lens,
 };
+use crate::cli::report::print;
 use crate::error::{Error, Result};
 use glam::DVec2;
 use serde_json::json;
-use std::io::{self, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Fit a fisheye lens to pictures of a flat board.
@@ -130,7 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.plot {
         write(path, &residual_plot(&fit).to_svg())?;
     }
-    print(&report(&fit))
+    print(&[format!("{:#}", report(&fit))]).map(|_| ())
 }
 
 /// `X,Y`, in pixels.
@@ -207,11 +208,6 @@ fn start(arguments: &Arguments, corners: &CornerSet) -> LensStart {
     }
 }
 
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text)
-        .map_err(|error| Error::failed("cannot be written").because(error).at(path.display()))
-}
-
 /// Everything that a person or a script may ask of a fit; pixel coordinates have half-pixel centres.
 fn report(fit: &LensFit) -> serde_json::Value {
     let LensParameters { width, height, fx, fy, cx, cy, k, field_of_view_rad } = *fit.lens.parameters();
@@ -249,15 +245,6 @@ fn report(fit: &LensFit) -> serde_json::Value {
         "notes": fit.notes,
         "pictures": pictures,
     })
-}
-
-fn print(report: &serde_json::Value) -> Result<()> {
-    match writeln!(io::stdout().lock(), "{report:#}") {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::failed("standard output cannot be written").because(error))
-        }
-        _ => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -5,9 +5,13 @@ mod orientation;
 #[cfg(feature = "april-grid")]
 mod photographs;
 mod residual_plot;
+mod response;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::image::replace_file;
 use clap::Subcommand;
+use std::io::Write as _;
+use std::path::Path;
 
 /// Find out what a camera is like.
 #[derive(Debug, clap::Args)]
@@ -20,11 +24,20 @@ pub(super) struct Arguments {
 enum What {
     Lens(lens::Arguments),
     Orientation(orientation::Arguments),
+    Response(response::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.what {
         What::Lens(arguments) => lens::run(arguments),
         What::Orientation(arguments) => orientation::run(arguments),
+        What::Response(arguments) => response::run(arguments),
     }
+}
+
+/// Writes a file, whole or not at all.
+fn write(path: &Path, text: &str) -> Result<()> {
+    replace_file(path, |writer| {
+        writer.write_all(text.as_bytes()).map_err(|error| Error::failed("cannot be written").because(error))
+    })
 }
