@@ -122,8 +122,20 @@ fn devices_are_listed_with_names_formats_and_controls() {
     assert_eq!(control("gain_automatic").kind, ControlKind::Switch);
     assert_eq!(control("osd_text_mode").items.values().collect::<Vec<_>>(), ["All", "Counters Only", "None"]);
     assert!(devices.iter().any(|device| device.name == LOOPBACK));
-    // The output side of vivid gives no frames.
-    assert_eq!(devices.iter().filter(|device| device.card == "vivid").count(), 1);
+    // Two devices of vivid's; the output side of the first gives no frames.
+    assert_eq!(devices.iter().filter(|device| device.driver == "vivid").count(), 2);
+}
+
+#[test]
+#[ignore = "needs the guest: make test-camera"]
+fn a_camera_with_several_planes_only_is_named_as_unsupported() {
+    vivid::fresh();
+    let devices = devices();
+    let device = devices.iter().find(|device| device.name == "platform:vivid-001").unwrap();
+    assert!(device.unsupported.as_ref().is_some_and(|why| why.contains("multi-planar")), "{device:?}");
+    let error = V4l2Camera::open(options("platform:vivid-001", "Y12", [160, 120])).unwrap_err();
+    assert_eq!(error.kind(), Kind::Usage);
+    assert!(error.to_string().contains("several planes only"), "{error}");
 }
 
 #[test]

@@ -301,12 +301,12 @@ fn slow_reader_loses_lists_and_no_frames() {
     let folder = tempfile::tempdir().unwrap();
     let (mut writer, live) = fed("live", None, folder.path());
     live.until("a list", |live| live.summary().lists_published() > 0);
-    live.lines().shut(true);
+    let shut = live.lines().shut();
     feed(&mut writer, &live, 1, 20);
     assert_eq!(live.count(DROPPED), 0, "{}", live.summary());
     // One list was on its way before the door was shut.
     assert!(live.summary().lists_published() <= 2, "{}", live.summary());
-    live.lines().shut(false);
+    drop(shut);
     feed(&mut writer, &live, 21, 24);
     let ended = live.end();
     assert_eq!(ended.summary.stage("source").unwrap().frames.get(), 25);

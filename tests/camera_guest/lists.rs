@@ -3,40 +3,28 @@
 
 use crate::frames::{codes, lamp};
 use crate::kernel::Layout;
-use crate::live::{Ended, LOOPBACK, Live, VIVID, camera, config, limit};
+use crate::live::{Ended, LOOPBACK, Lines, Live, VIVID, camera, config, limit};
 use crate::loopback::Loopback;
 use crate::messages;
-use crate::vivid::{self, Output};
+use crate::vivid;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use lightcast::config::Config;
 use lightcast::image::{Bayer, Frame, Pixels, read};
 use lightcast::rt::Shutdown;
-use lightcast::service::{Copies, Output as Lists, RecordOptions, Service};
+use lightcast::service::{Copies, Output, RecordOptions, Service};
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// Lists of a sequence, played from a fresh filter.
 fn replay(config: &Config) -> String {
-    #[derive(Clone, Default)]
-    struct Lines(Arc<Mutex<Vec<u8>>>);
-    impl std::io::Write for Lines {
-        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-            self.0.lock().unwrap().write(bytes)
-        }
-        fn flush(&mut self) -> std::io::Result<()> {
-            Ok(())
-        }
-    }
     let lines = Lines::default();
-    let output = Lists { writer: Box::new(lines.clone()), name: "memory".to_owned() };
+    let output = Output { writer: Box::new(lines.clone()), name: "memory".to_owned() };
     let service = Service::start(config, || Ok(output), Copies::default(), &Shutdown::new()).unwrap();
     service.join(Duration::from_millis(5), || ()).unwrap();
-    let bytes = lines.0.lock().unwrap().clone();
-    String::from_utf8(bytes).unwrap()
+    lines.text()
 }
 
 fn recording(folder: &Path) -> RecordOptions {
@@ -129,7 +117,7 @@ fn lists_of_shown_pictures(layout: Layout, bayer: Option<Bayer>) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let pictures: Vec<_> = (0..5).map(|number| lamp(layout, number, 0x0fff)).collect();
-    let mut output = Output::open(layout);
+    let mut output = vivid::Output::open(layout);
     output.show(pictures[0]);
     let source = format!("{}\nlinks = \"replay\"\nbuffers = 2", camera(VIVID, layout));
     let live = Live::start(&config(folder, &source, layout, 0x0fff), Some(recording(folder)));

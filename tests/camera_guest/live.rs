@@ -66,24 +66,47 @@ pub fn camera(device: &str, layout: Layout) -> String {
 
 /// Where the lists go; it can be shut, and then its writer waits.
 #[derive(Clone, Default)]
-pub struct Lines(Arc<(Mutex<(Vec<u8>, bool)>, Condvar)>);
+pub struct Lines(Arc<Door>);
+
+#[derive(Default)]
+struct Door {
+    state: Mutex<State>,
+    opened: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    text: Vec<u8>,
+    is_shut: bool,
+}
 
 impl Lines {
-    /// Makes the writer wait, or go on.
-    pub fn shut(&self, is_shut: bool) {
-        self.0.0.lock().unwrap().1 = is_shut;
-        self.0.1.notify_all();
+    /// Makes the writer wait until what is returned is dropped.
+    pub fn shut(&self) -> Shut<'_> {
+        self.0.state.lock().unwrap().is_shut = true;
+        Shut(&self.0)
     }
 
-    fn text(&self) -> String {
-        String::from_utf8(self.0.0.lock().unwrap().0.clone()).unwrap()
+    /// All that was written.
+    pub fn text(&self) -> String {
+        String::from_utf8(self.0.state.lock().unwrap().text.clone()).unwrap()
+    }
+}
+
+/// A door that is shut.
+pub struct Shut<'a>(&'a Door);
+
+impl Drop for Shut<'_> {
+    fn drop(&mut self) {
+        self.0.state.lock().unwrap().is_shut = false;
+        self.0.opened.notify_all();
     }
 }
 
 impl Write for Lines {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let lines = self.0.0.lock().unwrap();
-        self.0.1.wait_while(lines, |(_, is_shut)| *is_shut).unwrap().0.write(bytes)
+        let state = self.0.state.lock().unwrap();
+        self.0.opened.wait_while(state, |state| state.is_shut).unwrap().text.write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
