@@ -3,7 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 use lightcast::camera::{
-    FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel,
+    ExposureMerge, FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel,
+    SensorNoise,
 };
 use lightcast::error::Result;
 use lightcast::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
@@ -267,4 +268,28 @@ fn one_allocation_a_frame_is_seen() {
     let case = Case { sampler: Sampler::Persistent, slots: 0, bayer: None };
     let counts = allocations(case, |taken| taken.push(vec![1]));
     assert_eq!(counts.map(|count| count.in_steps), [0, 0, FRAMES - WARM_UP]);
+}
+
+#[test]
+fn merging_exposures_allocates_nothing_after_the_first_cycle() {
+    let model = ResponseModel::Linear { black_level: 0, white_level: 4095, gain: 1e-3 };
+    let response = Response::new(model).unwrap();
+    let mut merge = ExposureMerge::new(&response, &[1.0, 0.1, 0.01], &SensorNoise::default()).unwrap();
+    let frames = [4095, 700, 70].map(|code| Frame {
+        width: 64,
+        height: 48,
+        channels: 3,
+        pixels: Pixels::Codes(vec![code; 64 * 48 * 3]),
+        ..Frame::default()
+    });
+    let mut radiance = Frame::default();
+    for cycle in 0..5 {
+        COUNT.set((cycle > 0).then_some(0));
+        for (index, frame) in frames.iter().enumerate() {
+            merge.add(frame, index).unwrap();
+        }
+        merge.finish(&mut radiance).unwrap();
+        let count = COUNT.replace(None);
+        assert_eq!(count.unwrap_or(0), 0, "cycle {cycle}");
+    }
 }

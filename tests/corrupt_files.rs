@@ -100,6 +100,18 @@ fn bytes_of(write: impl FnOnce(&Path)) -> Vec<u8> {
 }
 
 #[test]
+fn mutated_jpeg_files_never_panic() {
+    let mut random = XorShift(13);
+    let samples: Vec<u8> = (0..48 * 40 * 3).map(|_| random.below(256) as u8).collect();
+    let original = bytes_of(|path| {
+        let mut file = fs::File::create(path).unwrap();
+        let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut file, 80);
+        encoder.encode(&samples, 48, 40, image::ExtendedColorType::Rgb8).unwrap();
+    });
+    survive("a.jpg", &original, 640, MUTATIONS, 0x94d0_49bb_1331_11eb);
+}
+
+#[test]
 fn mutated_open_exr_files_never_panic() {
     let original = bytes_of(|path| write_exr(path, &radiance(48, 40), Some(25.0), true).unwrap());
     survive("a.exr", &original, 420, MUTATIONS, 0x9e37_79b9_7f4a_7c15);

@@ -3,7 +3,7 @@
 use std::process::Command;
 
 /// Licences that ask for no more than their notice.
-const PERMISSIVE: [&str; 11] = [
+const PERMISSIVE: [&str; 12] = [
     "MIT",
     "MIT-0",
     "Apache-2.0",
@@ -15,6 +15,7 @@ const PERMISSIVE: [&str; 11] = [
     "0BSD",
     "Unicode-3.0",
     "BSL-1.0",
+    "NCSA",
 ];
 
 /// Whether an SPDX expression (also the old `A/B` form) can be satisfied by permissive licences alone.

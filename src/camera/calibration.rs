@@ -174,6 +174,23 @@ impl Calibration {
         text.push('\n');
         text
     }
+
+    /// The lens as YAML that `cv::FileStorage` reads, for `cv::fisheye`; 0.5 px are taken off cx and cy. The response
+    /// and the field of view, for which OpenCV has no names, are left out.
+    pub fn to_opencv_yaml(&self) -> String {
+        opencv_file::yaml(self.lens.parameters())
+    }
+
+    /// The same as JSON.
+    pub fn to_opencv_json(&self) -> String {
+        opencv_file::json(self.lens.parameters())
+    }
+
+    /// The lens as a Kalibr `camchain.yaml` of one camera, `cam0`; 0.5 px are taken off cx and cy. The response and the
+    /// field of view, for which Kalibr has no keys, are left out.
+    pub fn to_kalibr_yaml(&self) -> String {
+        kalibr_file::chain(self.lens.parameters())
+    }
 }
 
 fn foreign(document: &serde_json::Value) -> bool {

@@ -78,6 +78,13 @@ fn collect(value: &Value, key: &str, found: &mut Vec<f64>) -> Result<()> {
     }
 }
 
+/// A number that every reader takes for one: all digits, a point, and no exponent (to YAML 1.1, which Kalibr reads,
+/// `1e-7` is a word).
+pub(super) fn decimal(value: f64) -> String {
+    let text = value.to_string();
+    if text.contains('.') { text } else { text + ".0" }
+}
+
 /// A number of pixels under `key`.
 pub(super) fn size(number: f64, key: &str) -> Result<usize> {
     if number.fract() != 0.0 || !(1.0..=65_535.0).contains(&number) {

@@ -136,7 +136,7 @@ impl ExposureMerge {
         }
         let (longest, shortest) = (by_time[0], by_time[by_time.len() - 1]);
         let (black, saturation) = ends(response);
-        if !(saturation / exposures_s[shortest] <= f64::from(f32::MAX)) {
+        if saturation / exposures_s[shortest] > f64::from(f32::MAX) {
             return Err(Error::usage(format!(
                 "a radiance of {:e}, saturation in {} s, is more than a float holds; scale the response down",
                 saturation / exposures_s[shortest],
@@ -182,12 +182,15 @@ impl ExposureMerge {
     /// Adds the frame of the exposure with this index. The first frame of a cycle sets its size.
     ///
     /// # Errors
-    /// `BadFrame`, after which the cycle goes on without the frame: radiance instead of codes, another size than the
+    /// `BadFrame`, after which the cycle goes on without the frame: radiance instead of codes, a mosaic, another size than the
     /// cycle's, an exposure that is not one of this cycle or was added before.
     pub fn add(&mut self, frame: &Frame, exposure: usize) -> Result<()> {
         let Pixels::Codes(codes) = &frame.pixels else {
             return Err(Error::bad_frame("holds radiance; exposures are merged from raw codes"));
         };
+        if let Some(bayer) = frame.bayer {
+            return Err(Error::bad_frame(format!("is a mosaic of colours {bayer}, which cannot be merged")));
+        }
         match self.is_added.get(exposure) {
             None => {
                 return Err(Error::bad_frame(format!(
@@ -248,10 +251,11 @@ impl ExposureMerge {
         }
         self.restart();
         (frame.width, frame.height, frame.channels) = self.shape;
-        if let Pixels::Codes(_) = frame.pixels {
-            frame.pixels = Pixels::Radiance(Vec::new());
-        }
-        let Pixels::Radiance(values) = &mut frame.pixels else { unreachable!("made so above") };
+        frame.bayer = None;
+        let mut values = match std::mem::replace(&mut frame.pixels, Pixels::Radiance(Vec::new())) {
+            Pixels::Radiance(values) => values,
+            Pixels::Codes(_) => Vec::new(),
+        };
         values.resize(self.sums.len(), 0.0);
         let mut counts = MergeCounts::default();
         let channels = self.shape.2.max(1);
@@ -275,6 +279,7 @@ impl ExposureMerge {
             counts.black_clipped += u64::from(!is_saturated && is_black);
             counts.between += u64::from(!is_saturated && !is_black && is_between);
         }
+        frame.pixels = Pixels::Radiance(values);
         Ok(counts)
     }
 }

@@ -1,7 +1,7 @@
 //! Kalibr's `camchain.yaml`: one entry per camera (`cam0`, `cam1`, ...), of which the `equidistant` ones are ours.
 
 use super::LensParameters;
-use super::document::{numbers, size};
+use super::document::{decimal, numbers, size};
 use crate::error::{Error, Result};
 use serde_json::Value;
 
@@ -51,4 +51,18 @@ pub(super) fn lens(document: &Value, camera: Option<&str>) -> Result<LensParamet
     let [width, height] = numbers(value("resolution")?, &key("resolution"))?;
     let (width, height) = (size(width, &key("resolution"))?, size(height, &key("resolution"))?);
     Ok(LensParameters { width, height, fx, fy, cx: cx + 0.5, cy: cy + 0.5, k, field_of_view_rad: 0.0 })
+}
+
+/// The lens as a chain of one camera, centres back at whole numbers. The field of view has no key and is left out; the
+/// topic, which Kalibr requires, is a placeholder.
+pub(super) fn chain(lens: &LensParameters) -> String {
+    let list = |values: &[f64]| values.iter().map(|&value| decimal(value)).collect::<Vec<_>>().join(", ");
+    let LensParameters { width, height, fx, fy, cx, cy, k, .. } = *lens;
+    format!(
+        "cam0:\n  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: [{}]\n  \
+         distortion_model: equidistant\n  intrinsics: [{}]\n  resolution: [{width}, {height}]\n  \
+         rostopic: /cam0/image_raw\n",
+        list(&k),
+        list(&[fx, fy, cx - 0.5, cy - 0.5])
+    )
 }

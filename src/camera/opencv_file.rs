@@ -2,7 +2,7 @@
 //! no names; those of its samples and of common tools are known, in any case and with or without underscores.
 
 use super::LensParameters;
-use super::document::{numbers, size};
+use super::document::{decimal, numbers, size};
 use crate::error::{Error, Result};
 use serde_json::Value;
 
@@ -56,6 +56,44 @@ pub(super) fn lens(document: &Value) -> Result<LensParameters> {
         }
     };
     Ok(LensParameters { width, height, fx, fy, cx: cx + 0.5, cy: cy + 0.5, k, field_of_view_rad: 0.0 })
+}
+
+/// The lens as `cv::FileStorage` writes it in YAML, under the names of OpenCV's calibration sample, centres back at
+/// whole numbers. There is no name for the field of view, so that it is left out.
+pub(super) fn yaml(lens: &LensParameters) -> String {
+    let [matrix, coefficients] = matrices(lens);
+    format!(
+        "%YAML:1.0\n---\nimage_width: {}\nimage_height: {}\nfisheye_model: 1\n\
+         camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ {matrix} ]\n\
+         distortion_coefficients: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   data: [ {coefficients} ]\n",
+        lens.width, lens.height
+    )
+}
+
+/// The same in JSON.
+pub(super) fn json(lens: &LensParameters) -> String {
+    let [matrix, coefficients] = matrices(lens);
+    let entry = |rows: usize, columns: usize, data: &str| {
+        format!(
+            "{{\n        \"type_id\": \"opencv-matrix\",\n        \"rows\": {rows},\n        \"cols\": {columns},\n        \
+             \"dt\": \"d\",\n        \"data\": [ {data} ]\n    }}"
+        )
+    };
+    format!(
+        "{{\n    \"image_width\": {},\n    \"image_height\": {},\n    \"fisheye_model\": 1,\n    \
+         \"camera_matrix\": {},\n    \"distortion_coefficients\": {}\n}}\n",
+        lens.width,
+        lens.height,
+        entry(3, 3, &matrix),
+        entry(4, 1, &coefficients)
+    )
+}
+
+/// The elements of K and of D.
+fn matrices(lens: &LensParameters) -> [String; 2] {
+    let list = |values: &[f64]| values.iter().map(|&value| decimal(value)).collect::<Vec<_>>().join(", ");
+    let LensParameters { fx, fy, cx, cy, .. } = *lens;
+    [list(&[fx, 0.0, cx - 0.5, 0.0, fy, cy - 0.5, 0.0, 0.0, 1.0]), list(&lens.k)]
 }
 
 fn find<'a>(document: &'a Value, names: &[&str]) -> Option<(&'a str, &'a Value)> {

@@ -14,7 +14,7 @@ impl RadialPolynomial {
         theta_rad * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
     }
 
-    fn slope(&self, theta_rad: f64) -> f64 {
+    pub(super) fn slope(&self, theta_rad: f64) -> f64 {
         let s = theta_rad * theta_rad;
         self.slope_in_square().iter().rev().fold(0.0, |sum, c| sum * s + c)
     }

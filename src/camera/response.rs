@@ -163,7 +163,8 @@ impl Response {
 }
 
 impl ResponseModel {
-    fn radiance(&self, code: f64) -> f64 {
+    /// Radiance of a code, which may lie between two; not clamped to the clip codes.
+    pub(super) fn radiance(&self, code: f64) -> f64 {
         match self {
             Self::Identity => code,
             Self::Logarithmic { a, b, .. } => ((code - a) / b).exp(),

@@ -1,7 +1,7 @@
-use crate::error::{Error, Result};
+use super::report::print;
+use crate::error::Result;
 use crate::source::v4l2::{Control, ControlKind, Device, Size, devices};
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
 
 /// List the cameras of this machine: names for a configuration, formats, sizes, rates and controls.
 ///
@@ -19,21 +19,16 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let devices = devices();
+    if devices.is_empty() {
+        tracing::info!("no camera (or none that may be opened: see the group `video`)");
+    }
     let text = if arguments.json {
         // Text, numbers and lists of them always have a JSON form.
-        serde_json::to_string_pretty(&devices).expect("plain data serialises") + "\n"
-    } else if devices.is_empty() {
-        tracing::info!("no camera (or none that may be opened: see the group `video`)");
-        String::new()
+        vec![serde_json::to_string_pretty(&devices).expect("plain data serialises")]
     } else {
-        devices.iter().map(describe).collect()
+        devices.iter().map(|device| describe(device).trim_end().to_owned()).collect()
     };
-    match io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::failed("standard output cannot be written").because(error))
-        }
-        _ => Ok(()),
-    }
+    print(&text).map(|_| ())
 }
 
 fn describe(device: &Device) -> String {

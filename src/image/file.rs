@@ -3,7 +3,7 @@
 //! The kind is taken from the first bytes, never from the name, so that a PNG called `.exr` is read and a text
 //! called `.exr` is refused by what it is.
 
-use super::{Frame, Pixels, open_exr, png, radiance};
+use super::{Frame, Pixels, jpeg, open_exr, png, radiance};
 use crate::error::{Error, Result};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, BufWriter, Write};
@@ -57,7 +57,8 @@ pub struct Attributes {
 /// | OpenEXR of `lightcast record` | sensor codes, 1 or 3 channels, with the mosaic; or radiance |
 /// | OpenEXR, scan lines or tiles, half, float or uint | radiance, 3 channels (`R`, `G`, `B`) or 1 (`Y`) |
 /// | Radiance `.hdr`, RGBE | radiance, 3 channels, divided by all `EXPOSURE` and `COLORCORR` lines |
-/// | PNG, 16 bits, grey or RGB | sensor codes, 1 or 3 channels |
+/// | PNG, 16 or 8 bits, grey or RGB | sensor codes (0 to 255 of 8 bits), 1 or 3 channels |
+/// | JPEG, grey or colour | codes 0 to 255, 1 or 3 channels, as [`decode_jpeg`](super::decode_jpeg) |
 ///
 /// Samples are delivered as they stand in the file, NaN, infinite and negative ones included: the calibration
 /// counts them.
@@ -67,10 +68,14 @@ pub struct Attributes {
 /// Of kind [`BadFrame`](crate::error::Kind::BadFrame), naming the file: missing, empty, truncated, damaged, of no
 /// known kind, of a kind or size that is not read. `frame` is then empty (0 x 0). No content of a file panics.
 pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
-    // The decoders of `exr` 1.74 and `image` 0.25 index and multiply with numbers from the file and panic on some
-    // damaged ones. One bad frame must not stop a run, so the panic ends here. Nothing of theirs outlives the
-    // call, and the frame is emptied, so no half-made state is seen.
-    let outcome = catch_unwind(AssertUnwindSafe(|| read_by_kind(path, frame))).unwrap_or_else(|panic| {
+    guarded(frame, |frame| read_by_kind(path, frame)).map_err(|error| error.at(path.display()))
+}
+
+/// Runs a decoder. Those of `exr` 1.74 and `image` 0.25 index and multiply with numbers from the file and panic on
+/// some damaged ones. One bad frame must not stop a run, so the panic ends here. Nothing of theirs outlives the call,
+/// and the frame is emptied after any error, so no half-made state is seen.
+pub(super) fn guarded<T>(frame: &mut Frame, decode: impl FnOnce(&mut Frame) -> Result<T>) -> Result<T> {
+    let outcome = catch_unwind(AssertUnwindSafe(|| decode(frame))).unwrap_or_else(|panic| {
         let cause = panic
             .downcast_ref::<&str>()
             .map(ToString::to_string)
@@ -78,14 +83,14 @@ pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
             .unwrap_or_default();
         Err(Error::bad_frame(format!("is damaged: its decoder gave up with `{cause}`")))
     });
-    outcome.map_err(|error| {
+    if outcome.is_err() {
         (frame.width, frame.height) = (0, 0);
         match &mut frame.pixels {
             Pixels::Codes(codes) => codes.clear(),
             Pixels::Radiance(values) => values.clear(),
         }
-        error.at(path.display())
-    })
+    }
+    outcome
 }
 
 fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
@@ -102,8 +107,9 @@ fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
         [0x76, 0x2f, 0x31, 0x01, ..] => open_exr::read(&mut file, bytes, frame),
         [b'#', b'?', ..] => radiance::read(&mut file, frame),
         [0x89, b'P', b'N', b'G', ..] => png::read(file, bytes, frame),
+        [0xff, 0xd8, 0xff, ..] => jpeg::read(file, frame),
         _ => Err(Error::bad_frame(format!(
-            "is neither OpenEXR, Radiance HDR nor PNG (it begins with the bytes {:02x?}); give one of these",
+            "is neither OpenEXR, Radiance HDR, PNG nor JPEG (it begins with the bytes {:02x?}); give one of these",
             &head[..head.len().min(8)]
         ))),
     }
@@ -131,6 +137,14 @@ pub(super) fn resize<T: Copy + Default>(values: &mut Vec<T>, len: usize) {
         *values = vec![T::default(); len];
     } else {
         values.resize(len, T::default());
+    }
+}
+
+/// Turns bytes, which fill the first half of the codes' memory, into codes of the same values.
+pub(super) fn widen(codes: &mut [u16]) {
+    // From the end: the codes written lie at or behind the bytes still to be read.
+    for index in (0..codes.len()).rev() {
+        codes[index] = u16::from(bytemuck::cast_slice::<u16, u8>(codes)[index]);
     }
 }
 

@@ -1,6 +1,7 @@
-//! PNG pictures: 16 bits are sensor codes, in and out; 8 bits are pictures for people, out only.
+//! PNG pictures: 16 bits are sensor codes, in and out; 8 bits are codes of an ordinary camera, in, and pictures for
+//! people, out.
 
-use super::file::{check_samples, check_size, replace, resize, with_codes};
+use super::file::{check_samples, check_size, replace, resize, widen, with_codes};
 use super::{Attributes, Frame, Pixels};
 use crate::error::{Error, Result};
 use ::image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
@@ -22,19 +23,13 @@ pub(super) fn read(source: impl BufRead + Seek, file_bytes: u64, frame: &mut Fra
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
     check_size(width, height)?;
-    let channels = match decoder.color_type() {
-        ColorType::L16 => 1,
-        ColorType::Rgb16 => 3,
-        ColorType::La16 | ColorType::Rgba16 => {
-            return Err(Error::bad_frame(
-                "is a PNG with an alpha channel; save it as 16-bit grey or RGB without",
-            ));
-        }
+    let (channels, is_bytes) = match decoder.color_type() {
+        ColorType::L8 => (1, true),
+        ColorType::Rgb8 => (3, true),
+        ColorType::L16 => (1, false),
+        ColorType::Rgb16 => (3, false),
         _ => {
-            return Err(Error::bad_frame(
-                "is a PNG of at most 8 bits, which hold neither radiance nor raw sensor codes; save the camera's \
-                 raw values as 16-bit grey or RGB, or radiance as OpenEXR",
-            ));
+            return Err(Error::bad_frame("is a PNG with an alpha channel; save it as grey or RGB without"));
         }
     };
     if decoder.total_bytes() > file_bytes.saturating_mul(MAX_INFLATION) {
@@ -44,6 +39,12 @@ pub(super) fn read(source: impl BufRead + Seek, file_bytes: u64, frame: &mut Fra
     }
     with_codes(frame, |codes| {
         resize(codes, width * height * channels);
+        if is_bytes {
+            let samples = codes.len();
+            decoder.read_image(&mut bytemuck::cast_slice_mut(codes)[..samples]).map_err(damaged)?;
+            widen(codes);
+            return Ok(());
+        }
         decoder.read_image(bytemuck::cast_slice_mut(codes)).map_err(damaged)
     })?;
     (frame.width, frame.height, frame.channels) = (width, height, channels);
@@ -122,12 +123,14 @@ mod tests {
     }
 
     #[test]
-    fn pictures_of_8_bits_are_refused_with_what_to_do() {
+    fn pictures_of_8_bits_are_codes_to_255() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        write_png8(&path, 2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
-        let error = read(&path, &mut Frame::default()).unwrap_err();
-        assert!(error.to_string().contains("16-bit grey or RGB"), "{error}");
+        write_png8(&path, 2, 1, &[1, 2, 3, 4, 5, 255]).unwrap();
+        let mut frame = Frame::default();
+        read(&path, &mut frame).unwrap();
+        assert_eq!((frame.width, frame.height, frame.channels), (2, 1, 3));
+        assert_eq!(frame.pixels, Pixels::Codes(vec![1, 2, 3, 4, 5, 255]));
         assert_eq!(write_png8(&path, 2, 2, &[0; 6]).unwrap_err().kind(), Kind::Failed);
         let radiance = Frame { pixels: Pixels::Radiance(vec![0.0]), width: 1, height: 1, ..Frame::default() };
         assert_eq!(write_png16(&path, &radiance).unwrap_err().kind(), Kind::Failed);

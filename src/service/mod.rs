@@ -163,6 +163,34 @@ impl Service {
         Ok(Self { graph, frame_count })
     }
 
+    /// Gives the first `count` frames of what `config` names to `each`, in the calling thread; fewer where a sequence
+    /// ends. Their meaning is not looked at.
+    ///
+    /// # Errors
+    /// Those of the source and of `each`.
+    pub fn take_frames(
+        config: &Config,
+        count: u64,
+        shutdown: &Shutdown,
+        mut each: impl FnMut(&Frame) -> Result<()>,
+    ) -> Result<()> {
+        let input = Input::open(config)?;
+        let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
+        let (frames_in, mut frames_out) = link::bounded(LINK_CAPACITY, shutdown, Frame::default);
+        input.spawn(&mut graph, stage::Tee::new(Some(frames_in), None))?;
+        let mut outcome = Ok(());
+        for _ in 0..count {
+            let Some(frame) = frames_out.receive() else { break };
+            outcome = each(&frame);
+            if outcome.is_err() {
+                break;
+            }
+        }
+        drop(frames_out);
+        shutdown.request();
+        graph.join(Duration::from_millis(10), || ()).and(outcome)
+    }
+
     /// Frames that the sequence has, readable or not; `None` when it repeats.
     pub fn frame_count(&self) -> Option<u64> {
         self.frame_count

@@ -3,7 +3,7 @@
 //! | path | means |
 //! |---|---|
 //! | a file that exists | this one |
-//! | a folder | its pictures (`.exr`, `.hdr`, `.pic`, `.png`), which must have one name but for the number |
+//! | a folder | its pictures (`.exr`, `.hdr`, `.jpeg`, `.jpg`, `.pic`, `.png`), which must have one name but for the number |
 //! | `name.####.exr` | the number with at least as many digits as there are `#` |
 //! | `name.%04d.exr`, `name.%d.exr` | the number as C prints it |
 //!
@@ -15,7 +15,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Extensions of the pictures that are looked for in a folder.
-const EXTENSIONS: [&str; 4] = ["exr", "hdr", "pic", "png"];
+const EXTENSIONS: [&str; 6] = ["exr", "hdr", "jpeg", "jpg", "pic", "png"];
 
 /// Names that an error lists before it says how many more there are.
 const LISTED_NAMES: usize = 8;
@@ -231,7 +231,9 @@ mod tests {
         let many: Vec<String> = (0..12_u8).map(|n| format!("{}.hdr", char::from(b'a' + n))).collect();
         let many: Vec<&str> = many.iter().map(String::as_str).collect();
         assert!(found(&many, "").unwrap_err().contains("h.hdr and 4 more;"));
-        assert!(found(&["a.txt"], "").unwrap_err().contains("no pictures (.exr, .hdr, .pic, .png)"));
+        assert!(
+            found(&["a.txt"], "").unwrap_err().contains("no pictures (.exr, .hdr, .jpeg, .jpg, .pic, .png)")
+        );
         let error = found(&["a.1.exr", "a.01.exr"], "").unwrap_err();
         assert!(error.contains("a.01.exr and ") && error.contains("same number"), "{error}");
     }

@@ -162,6 +162,11 @@ impl Sequence {
         self.files.len()
     }
 
+    /// The files in order, readable or not.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(|(_, path)| path.as_path())
+    }
+
     /// Numbers from the first file to the last, missing ones included: the length of one pass in frame times.
     fn period(&self) -> u64 {
         (self.files[self.files.len() - 1].0 - self.files[0].0).saturating_add(1)

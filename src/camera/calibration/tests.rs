@@ -124,6 +124,35 @@ fn what_cannot_be_used_is_refused_with_its_key() {
 }
 
 #[test]
+fn exports_come_back_with_every_digit_and_the_half_pixel() {
+    let text = OWN
+        .replace("150.0", "212.12345678901234")
+        .replace("[0.01, 0.0, 0.0, 0.0]", "[0.0123456789, -1.5e-7, 2e-21, 0.0]");
+    let calibration = Calibration::parse(&text, None).unwrap();
+    let ours = calibration.lens.parameters();
+    let kalibr = calibration.to_kalibr_yaml();
+    for (name, export) in [
+        ("OpenCV YAML", calibration.to_opencv_yaml()),
+        ("OpenCV JSON", calibration.to_opencv_json()),
+        ("Kalibr", kalibr.clone()),
+    ] {
+        // Whole numbers at pixel centres: 320.5 of ours is 320 of theirs.
+        assert!(export.contains("320.0") && export.contains("239.5"), "{name}: {export}");
+        let back = Calibration::parse(&export, None).unwrap();
+        let lens = back.lens.parameters();
+        assert_eq!(
+            (lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, lens.k),
+            (ours.width, ours.height, ours.fx, ours.fy, ours.cx, ours.cy, ours.k),
+            "{name}"
+        );
+        // Neither has a place for the field of view.
+        assert_eq!(back.notes.len(), 1, "{name}");
+    }
+    assert_eq!(Calibration::parse(&kalibr, Some("cam0")).unwrap().lens.parameters().cx, ours.cx);
+    assert!(!kalibr.contains("e-"), "{kalibr}");
+}
+
+#[test]
 fn aliases_that_multiply_are_refused() {
     let mut text = "a0: &a0 [1,1,1,1,1,1,1,1,1,1]\n".to_owned();
     for level in 1..12 {

@@ -1,7 +1,17 @@
-mod orientation;
+//! `lightcast calibrate`: one file per thing that is calibrated.
 
-use crate::error::Result;
+mod lens;
+mod orientation;
+#[cfg(feature = "april-grid")]
+mod photographs;
+mod residual_plot;
+mod response;
+
+use crate::error::{Error, Result};
+use crate::image::replace_file;
 use clap::Subcommand;
+use std::io::Write as _;
+use std::path::Path;
 
 /// Find out what a camera is like.
 #[derive(Debug, clap::Args)]
@@ -12,11 +22,22 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum What {
+    Lens(lens::Arguments),
     Orientation(orientation::Arguments),
+    Response(response::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.what {
+        What::Lens(arguments) => lens::run(arguments),
         What::Orientation(arguments) => orientation::run(arguments),
+        What::Response(arguments) => response::run(arguments),
     }
+}
+
+/// Writes a file, whole or not at all.
+fn write(path: &Path, text: &str) -> Result<()> {
+    replace_file(path, |writer| {
+        writer.write_all(text.as_bytes()).map_err(|error| Error::failed("cannot be written").because(error))
+    })
 }

@@ -1,10 +1,10 @@
 use crate::camera::{Calibration, LOOKING_UP, Mark, Orientation, fit_orientation};
+use crate::cli::report::print;
 use crate::error::{Error, Result, TomlText};
 use crate::math::{angle_between, direction};
 use glam::DVec3;
 use serde::Deserialize;
 use std::fmt::Write as _;
-use std::io::{self, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Find how a camera stands, from pixels whose directions are known.
@@ -58,12 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     }
     let orientation = fit_orientation(&calibration.lens, &marks, LOOKING_UP)
         .map_err(|error| error.at(arguments.marks.display()))?;
-    match io::stdout().lock().write_all(describe(&orientation).as_bytes()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::failed("standard output cannot be written").because(error))
-        }
-        _ => Ok(()),
-    }
+    print(&[describe(&orientation).trim_end().to_owned()]).map(|_| ())
 }
 
 fn read_marks(path: &Path) -> Result<Vec<Mark>> {

@@ -180,7 +180,7 @@ fn nothing_to_play_is_an_error_that_names_the_pattern() {
 }
 
 #[test]
-fn sensor_codes_play_and_pictures_for_people_do_not() {
+fn sensor_codes_play_and_a_picture_of_another_kind_among_them_does_not() {
     let folder = tempfile::tempdir().unwrap();
     for number in [0_u16, 1] {
         let frame = Frame {

@@ -2,11 +2,11 @@
 
 use super::control::{self, ControlValue};
 use super::identity::{self, Identity};
-use super::node::{Buffer, Node, Stream, monotonic_now_ns, pix_format};
-use super::pixel_format::{self, PixelFormat};
+use super::node::{Node, Stream, monotonic_now_ns, pix_format};
+use super::pixel_format::{self, PixelFormat, Samples};
 use super::unpack::Layout;
 use crate::error::{Error, Result};
-use crate::image::{Frame, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, Pixels};
+use crate::image::{Frame, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, Pixels, decode_jpeg};
 use crate::source::{BadBuffer, Camera, Captured, ExposureControl, FrameFormat, Mark};
 use std::collections::BTreeMap;
 use std::io;
@@ -119,32 +119,13 @@ impl V4l2Camera {
     /// `Usage`: the camera has no such control or value. `LostDevice`: it does not answer.
     pub fn choose_exposure_control(&mut self, name: &str, values: &[i64]) -> Result<()> {
         let identity = identity::find(&self.name)?;
-        let node = Node::open(&identity.node).map_err(|error| self.lost("cannot be opened", error))?;
+        let node = Node::open(&identity.node).map_err(|error| lost(&self.name, "cannot be opened", error))?;
         let control = control::find(&node, name).map_err(|error| error.at(&self.name))?;
         for &value in values {
             control.number(&ControlValue::Number(value)).map_err(|error| error.at(&self.name))?;
         }
         self.exposure_control = Some(control.id);
         Ok(())
-    }
-
-    fn lost(&self, what: &str, error: io::Error) -> Error {
-        Error::lost_device(format!("camera {}: {what}", self.name)).because(error)
-    }
-
-    /// Copies the picture of a buffer; `None` when that is not possible.
-    fn read(&self, stream: &Stream, buffer: &Buffer, frame: &mut Frame) -> Option<BadBuffer> {
-        if buffer.is_faulty {
-            return Some(BadBuffer::Faulty);
-        }
-        (frame.width, frame.height) = (self.layout.width, self.layout.height);
-        frame.channels = self.layout.samples.channels();
-        frame.bayer = self.pixel_format.bayer;
-        if matches!(frame.pixels, Pixels::Radiance(_)) {
-            frame.pixels = Pixels::Codes(Vec::new());
-        }
-        let Pixels::Codes(codes) = &mut frame.pixels else { return Some(BadBuffer::Undecodable) };
-        (!self.layout.unpack(stream.bytes(buffer), codes)).then_some(BadBuffer::Short)
     }
 }
 
@@ -166,28 +147,27 @@ impl Camera for V4l2Camera {
             )));
         }
         let stream = Stream::start(node, self.options.buffers)
-            .map_err(|error| self.lost("does not start to stream", error))?;
+            .map_err(|error| lost(&self.name, "does not start to stream", error))?;
         self.stream = Some(stream);
         Ok(())
     }
 
     fn capture(&mut self, patience: Duration, frame: &mut Frame) -> Result<Captured> {
-        let Some(stream) = &mut self.stream else {
-            return Err(self.lost("is not started", io::ErrorKind::NotConnected.into()));
-        };
+        let Self { name, pixel_format, layout, stream, .. } = self;
+        let stream = stream.as_mut().ok_or_else(|| not_started(name))?;
         let buffer = match stream.dequeue(patience) {
             Ok(Some(buffer)) => buffer,
             Ok(None) => return Ok(Captured::Nothing),
-            Err(error) => return Err(self.lost("gives no more frames", error)),
+            Err(error) => return Err(lost(name, "gives no more frames", error)),
         };
-        let mark =
-            Mark { sequence: buffer.sequence, time_ns: buffer.time_ns.unwrap_or_else(monotonic_now_ns) };
-        let (Some(stream), name) = (&self.stream, &self.name) else { return Ok(Captured::Nothing) };
-        let bad = self.read(stream, &buffer, frame);
-        let queued = self.stream.as_mut().map_or(Ok(()), |stream| stream.queue(buffer));
-        queued.map_err(|error| {
-            Error::lost_device(format!("camera {name}: takes no buffer back")).because(error)
-        })?;
+        let time_ns = buffer.time_ns.unwrap_or_else(monotonic_now_ns);
+        let mark = Mark { sequence: buffer.sequence, time_ns };
+        let bad = if buffer.is_faulty {
+            Some(BadBuffer::Faulty)
+        } else {
+            read(stream.bytes(&buffer), *pixel_format, layout, frame)
+        };
+        stream.queue(buffer).map_err(|error| lost(name, "takes no buffer back", error))?;
         Ok(bad.map_or(Captured::Frame(mark), |bad| Captured::Bad(mark, bad)))
     }
 
@@ -199,10 +179,38 @@ impl Camera for V4l2Camera {
 impl ExposureControl for V4l2Camera {
     fn set_exposure(&mut self, value: i64) -> Result<()> {
         let (Some(stream), Some(id)) = (&self.stream, self.exposure_control) else {
-            return Err(self.lost("is not started", io::ErrorKind::NotConnected.into()));
+            return Err(not_started(&self.name));
         };
-        stream.node().set_control(id, value).map_err(|error| self.lost("refuses an exposure", error))
+        let set = stream.node().set_control(id, value);
+        set.map_err(|error| lost(&self.name, "refuses an exposure", error))
     }
+}
+
+fn lost(name: &str, what: &str, error: io::Error) -> Error {
+    Error::lost_device(format!("camera {name}: {what}")).because(error)
+}
+
+fn not_started(name: &str) -> Error {
+    lost(name, "is not started", io::ErrorKind::NotConnected.into())
+}
+
+/// Copies a picture out of a buffer; says why when that is not possible.
+fn read(bytes: &[u8], pixel_format: PixelFormat, layout: &Layout, frame: &mut Frame) -> Option<BadBuffer> {
+    if layout.samples == Samples::Jpeg {
+        let is_whole = decode_jpeg(bytes, frame).is_ok()
+            && (frame.width, frame.height, frame.channels) == (layout.width, layout.height, 3);
+        return (!is_whole).then_some(BadBuffer::Undecodable);
+    }
+    (frame.width, frame.height) = (layout.width, layout.height);
+    (frame.channels, frame.bayer) = (layout.samples.channels(), pixel_format.bayer);
+    if matches!(frame.pixels, Pixels::Radiance(_)) {
+        frame.pixels = Pixels::Codes(Vec::new());
+    }
+    let is_whole = match &mut frame.pixels {
+        Pixels::Codes(codes) => layout.unpack(bytes, codes),
+        Pixels::Radiance(_) => false,
+    };
+    (!is_whole).then_some(BadBuffer::Short)
 }
 
 /// What a camera was found or made to be.
@@ -326,4 +334,45 @@ fn set_rate(node: &Node, wanted_hz: Option<f64>) -> Result<f64> {
         )));
     }
     Ok(found_hz)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout(samples: Samples) -> Layout {
+        Layout { samples, width: 64, height: 32, stride: samples.row_bytes(64), is_full_range: true }
+    }
+
+    #[test]
+    fn a_frame_of_jpeg_is_decoded_and_a_damaged_or_small_one_is_not_used() {
+        let picture =
+            ::image::RgbImage::from_fn(64, 32, |x, _| ::image::Rgb([if x < 32 { 20 } else { 220 }, 128, 60]));
+        let mut bytes = io::Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, ::image::ImageFormat::Jpeg).unwrap();
+        let bytes = bytes.into_inner();
+        let format = pixel_format::find(*b"MJPG").unwrap();
+        let mut frame = Frame::default();
+        assert_eq!(read(&bytes, format, &layout(Samples::Jpeg), &mut frame), None);
+        let Pixels::Codes(codes) = &frame.pixels else { panic!("radiance") };
+        assert_eq!((frame.width, frame.height, frame.channels, codes.len()), (64, 32, 3, 64 * 32 * 3));
+        assert!(codes[0].abs_diff(20) < 6 && codes[3 * 60].abs_diff(220) < 6);
+        let other = Layout { width: 32, ..layout(Samples::Jpeg) };
+        for (bytes, layout) in
+            [(&bytes[..20], layout(Samples::Jpeg)), (&[], layout(Samples::Jpeg)), (&bytes, other)]
+        {
+            assert_eq!(read(bytes, format, &layout, &mut frame), Some(BadBuffer::Undecodable));
+        }
+    }
+
+    #[test]
+    fn a_short_buffer_is_not_used_and_a_mosaic_says_its_colours() {
+        let format = pixel_format::find(*b"RG12").unwrap();
+        let bytes = vec![1; 64 * 32 * 2];
+        let mut frame = Frame { pixels: Pixels::Radiance(vec![1.0]), ..Frame::default() };
+        assert_eq!(read(&bytes, format, &layout(format.samples), &mut frame), None);
+        assert_eq!((frame.bayer, frame.channels), (format.bayer, 1));
+        assert_eq!(frame.pixels, Pixels::Codes(vec![257; 64 * 32]));
+        assert_eq!(read(&bytes[1..], format, &layout(format.samples), &mut frame), Some(BadBuffer::Short));
+    }
 }
