@@ -1,6 +1,7 @@
 # make demo      replays the bundled sequence; light lists, pictures and rendered frames in demo/
 # make test      formatting, lints, documentation, all tests
 # make test-camera  the camera against real kernel drivers, in an emulated guest; part of make test
+# make test-camera-broken  shows that each of these checks fails when the product is broken in a copy of the tree
 # make bench     speed of every step, as a table with the published figures beside it
 # make tables    error of the lights on the real maps, as tables
 # make pictures  error of rendered pictures against the number of lights, as tables and as the plot in replay/pictures
@@ -13,7 +14,7 @@
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test test-camera bench tables pictures speed path-tracer system-packages
+.PHONY: demo test test-camera test-camera-broken bench tables pictures speed path-tracer system-packages
 
 system-packages:
 	@.ci/system-packages
@@ -37,6 +38,10 @@ test: system-packages
 # One check alone: tests/camera_guest/boot NAME
 test-camera: system-packages
 	tests/camera_guest/boot
+
+# One patch alone: tests/camera_guest/broken/run NAME
+test-camera-broken: system-packages
+	tests/camera_guest/broken/run
 
 bench: system-packages
 	cargo bench $(CARGO_FLAGS) --bench steps

@@ -3,8 +3,14 @@
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
+mod capture;
 mod driver;
+mod faults;
 mod frames;
 mod kernel;
+mod lists;
+mod live;
 mod loopback;
+mod messages;
+mod program;
 mod vivid;

@@ -24,6 +24,8 @@ pub enum Fault {
     Fatal,
     /// The device is gone as if it were pulled out.
     Disconnect,
+    /// From the next start on the sequence numbers wrap around after 128 frames.
+    WrapSequence,
 }
 
 /// Names of the device nodes by what sysfs calls them, such as `vivid-000-vid-cap`.
@@ -78,6 +80,7 @@ pub fn inject(fault: Fault) {
         Fault::Queue => ("Inject VIDIOC_QBUF Error", 1),
         Fault::Fatal => ("Inject Fatal Streaming Error", 1),
         Fault::Disconnect => ("Disconnect", 1),
+        Fault::WrapSequence => ("Wrap Sequence Number", 1),
     };
     node.set_control(name, value).unwrap();
 }

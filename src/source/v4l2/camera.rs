@@ -64,7 +64,7 @@ impl V4l2Camera {
     /// # Errors
     /// `Usage`: the camera cannot do what the options ask for; the message says what it can. `LostDevice`: it is not
     /// there, in use by another program, or does not answer.
-    pub fn open(options: V4l2Options) -> Result<Self> {
+    pub fn open(mut options: V4l2Options) -> Result<Self> {
         let identity = identity::find(&options.device)?;
         let name = identity.names[0].clone();
         let (node, set_up) = set_up(&identity, &options).map_err(|error| error.at(&name))?;
@@ -75,6 +75,9 @@ impl V4l2Camera {
             tracing::info!("{}: this is {name}, by which it is found again after a loss", options.device);
         }
         let SetUp { pixel_format, layout, frame_rate_hz } = set_up;
+        // A camera that was unplugged comes back with its own defaults: what the options leave open stays as found now.
+        options.format = Some(pixel_format::name(pixel_format.fourcc));
+        options.size = Some([layout.width as u32, layout.height as u32]);
         Ok(Self {
             options,
             name,

@@ -54,8 +54,12 @@ pub struct Control {
     pub items: BTreeMap<i64, String>,
     /// Cannot be set.
     pub is_read_only: bool,
+    /// Has 64 bits, not 32.
     #[serde(skip)]
     pub(super) is_wide: bool,
+    /// A set of 32 bits, a number without a sign.
+    #[serde(skip)]
+    pub(super) is_mask: bool,
 }
 
 /// What the number of a control means.
@@ -105,6 +109,7 @@ pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
                 }
             }
         }
+        let is_mask = found.type_ == sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_BITMASK;
         let is_write_only = found.flags & sys::V4L2_CTRL_FLAG_WRITE_ONLY != 0;
         controls.push(Control {
             name: identifier(&text(&found.name)),
@@ -114,13 +119,20 @@ pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
             maximum: found.maximum,
             step: found.step.max(1),
             default: found.default_value,
-            value: if is_write_only { None } else { node.control(found.id, is_wide).ok() },
+            value: if is_write_only { None } else { read(node, found.id, is_wide, is_mask).ok() },
             items,
             is_read_only: found.flags & sys::V4L2_CTRL_FLAG_READ_ONLY != 0,
             is_wide,
+            is_mask,
         });
     }
     Ok(controls)
+}
+
+fn read(node: &Node, id: u32, is_wide: bool, is_mask: bool) -> io::Result<i64> {
+    let number = node.control(id, is_wide)?;
+    // The kernel hands 32 bits over as a number with a sign.
+    Ok(if is_mask { number & i64::from(u32::MAX) } else { number })
 }
 
 /// A driver's name for people, as an identifier: `Exposure Time, Absolute` is `exposure_time_absolute`.
@@ -218,8 +230,7 @@ pub(super) fn set(node: &Node, wanted: &BTreeMap<String, ControlValue>) -> Resul
     for (name, value) in wanted {
         let control = named(&controls, name)?;
         let number = control.number(value)?;
-        let found = node
-            .control(control.id, control.is_wide)
+        let found = read(node, control.id, control.is_wide, control.is_mask)
             .map_err(|error| lost(&format!("control {name} cannot be read back"), error))?;
         if found != number {
             return Err(Error::usage(format!(
@@ -252,6 +263,7 @@ mod tests {
             items: if kind == ControlKind::Menu { items.into() } else { BTreeMap::new() },
             is_read_only: false,
             is_wide: false,
+            is_mask: false,
         }
     }
 
