@@ -220,6 +220,7 @@ mod tests {
         let config = parse(TomlText { path, text: with_all }).unwrap();
         let Source::Camera(camera, Some(bracket)) = config.source else { panic!("no bracket") };
         assert_eq!((camera.controls.len(), camera.size, bracket.values.len()), (3, Some([1280, 720]), 3));
+        assert_eq!(config.camera.projection, ProjectionKind::Fisheye);
     }
 
     #[cfg(feature = "camera")]
