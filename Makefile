@@ -2,6 +2,7 @@
 # make test      formatting, lints, documentation, all tests
 # make test-camera  the camera against real kernel drivers, in an emulated guest; part of make test
 # make test-camera-broken  shows that each of these checks fails when the product is broken in a copy of the tree
+# make soak      ten minutes of a raw camera of 1024 x 1024 at 60 frames per second, recorded too
 # make bench     speed of every step, as a table with the published figures beside it
 # make tables    error of the lights on the real maps, as tables
 # make pictures  error of rendered pictures against the number of lights, as tables and as the plot in replay/pictures
@@ -14,7 +15,7 @@
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test test-camera test-camera-broken bench tables pictures speed path-tracer system-packages
+.PHONY: demo test test-camera test-camera-broken soak bench tables pictures speed path-tracer system-packages
 
 system-packages:
 	@.ci/system-packages
@@ -42,6 +43,10 @@ test-camera: system-packages
 # One patch alone: tests/camera_guest/broken/run NAME
 test-camera-broken: system-packages
 	tests/camera_guest/broken/run
+
+soak: system-packages
+	rm -rf target/soak
+	cargo bench $(CARGO_FLAGS) --bench soak -- 600 target/soak
 
 bench: system-packages
 	cargo bench $(CARGO_FLAGS) --bench steps
