@@ -161,7 +161,7 @@ fn a_lens_is_recovered_from_rendered_photographs() {
     });
     let farthest = distances.fold(0.0, f64::max);
     println!("lens off by {farthest:.3} px at most");
-    // Corners near the rim are found with a bias, which no number of them averages out.
+    // How well corners are found is the detector's affair; the lens may be off by a few times that.
     assert!(farthest < 3.0 * rms, "{farthest} {rms}");
 }
 
