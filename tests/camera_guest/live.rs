@@ -29,11 +29,11 @@ pub fn limit() -> Duration {
 /// interrupt.
 const PROMPT: Duration = Duration::from_millis(1500);
 
-/// A configuration with these keys of `[source]`, for a fisheye lens whose circle is half as wide as the shorter side (the
+/// A configuration with these keys of `[source]`, for a fisheye lens whose circle is a quarter as wide as the shorter side (the
 /// matrix of a wider one takes the emulator long), and codes up to `mask`.
 pub fn config(folder: &Path, source: &str, layout: Layout, mask: u16) -> Config {
     let Layout { width, height, .. } = layout;
-    let focal_length_px = f64::from(width.min(height)) / (2.0 * std::f64::consts::PI);
+    let focal_length_px = f64::from(width.min(height)) / (4.0 * std::f64::consts::PI);
     let calibration = serde_json::json!({
         "version": 1,
         "lens": {
