@@ -61,6 +61,7 @@ impl Camera for Scripted {
             sequence,
             // Odd nanoseconds: a replay has to keep them.
             time_ns: 7_000_000_123 + 20_000_001 * number as i64,
+            age_ns: 0,
         };
         match self.events.pop_front().unwrap_or(Event::End) {
             Event::Frame(sequence) => {
@@ -166,7 +167,7 @@ fn a_recording_without_drops_replays_to_the_lists_of_the_live_run_byte_for_byte(
     outcome.unwrap();
     assert_eq!(live.lines().count(), 61);
     let source = "source: 2 frames dropped by the kernel, 1 faulty frames, 0 short frames, 0 undecodable frames, \
-                  0 frames out of order, 5 frames missed while the camera was away, 1 restarts of the camera";
+                  0 incomplete rounds of exposures, 0 frames out of order, 5 frames missed while the camera was away, 1 restarts of the camera";
     assert!(summary.contains(source), "{summary}");
     let (replayed, _, outcome) = run(&config, None, None, &Shutdown::new());
     outcome.unwrap();

@@ -84,7 +84,8 @@ impl Camera for Calculated {
             Pixels::Codes(codes) => codes.clone_from(picture),
             pixels => *pixels = Pixels::Codes(picture.clone()),
         }
-        Ok(Captured::Frame(Mark { sequence: number as u32, time_ns: Self::time(number).as_nanos() as i64 }))
+        let time_ns = Self::time(number).as_nanos() as i64;
+        Ok(Captured::Frame(Mark { sequence: number as u32, time_ns, age_ns: 0 }))
     }
 
     fn stop(&mut self) {}

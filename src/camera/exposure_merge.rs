@@ -58,7 +58,7 @@ pub struct MergeCounts {
 /// merge.add(&frame(100), 1)?;
 /// let counts = merge.finish(&mut radiance)?;
 /// assert_eq!((radiance.pixels, counts.saturated), (Pixels::Radiance(vec![1000.0]), 0));
-/// # lightcast::error::Result::Ok(())
+/// # Ok::<(), lightcast::error::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct ExposureMerge {

@@ -1,5 +1,7 @@
 //! Weighted linear least squares with few unknowns, by the normal equations.
 
+use nalgebra::{DMatrix, DVector};
+
 /// Sums of a system of equations `row . unknowns = value`, each with a weight (one over its variance).
 #[derive(Clone, Debug)]
 pub(super) struct NormalEquations {
@@ -39,30 +41,15 @@ impl NormalEquations {
         if scale.iter().any(|scale| !scale.is_finite()) {
             return None;
         }
-        let mut factor = vec![0.0; n * n];
-        for row in 0..n {
-            for column in 0..=row {
-                let sum: f64 = (0..column).map(|k| factor[row * n + k] * factor[column * n + k]).sum();
-                let rest = self.matrix[row * n + column] * scale[row] * scale[column] - sum;
-                factor[row * n + column] = if row > column {
-                    rest / factor[column * n + column]
-                } else if rest > SMALLEST_PIVOT {
-                    rest.sqrt()
-                } else {
-                    return None;
-                };
-            }
+        let scaled =
+            DMatrix::from_fn(n, n, |row, column| self.matrix[row * n + column] * scale[row] * scale[column]);
+        let factors = scaled.cholesky()?;
+        if factors.l_dirty().diagonal().iter().any(|pivot| pivot * pivot <= SMALLEST_PIVOT) {
+            return None;
         }
-        let mut unknowns: Vec<f64> =
-            self.right.iter().zip(&scale).map(|(value, scale)| value * scale).collect();
-        for row in 0..n {
-            let sum: f64 = (0..row).map(|k| factor[row * n + k] * unknowns[k]).sum();
-            unknowns[row] = (unknowns[row] - sum) / factor[row * n + row];
-        }
-        for row in (0..n).rev() {
-            let sum: f64 = (row + 1..n).map(|k| factor[k * n + row] * unknowns[k]).sum();
-            unknowns[row] = (unknowns[row] - sum) / factor[row * n + row];
-        }
+        let right =
+            DVector::from_iterator(n, self.right.iter().zip(&scale).map(|(value, scale)| value * scale));
+        let mut unknowns: Vec<f64> = factors.solve(&right).iter().copied().collect();
         unknowns.iter_mut().zip(&scale).for_each(|(unknown, scale)| *unknown *= scale);
         unknowns.iter().all(|unknown| unknown.is_finite()).then_some(unknowns)
     }

@@ -9,6 +9,7 @@ use super::Lens;
 use crate::error::{Error, Result};
 use crate::math::angle_between;
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use nalgebra::Matrix4;
 
 /// A pixel whose world direction is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,37 +118,9 @@ fn wahba(rays: &[DVec3], directions: &[DVec3]) -> DMat3 {
         k[3][i] = k[i][3];
     }
     k[3][3] = trace;
-    let [x, y, z, w] = largest_eigenvector(k);
-    DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize())
-}
-
-/// Eigenvector of the largest eigenvalue of a symmetric matrix, by Jacobi's cyclic rotations.
-fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
-    let mut vectors = [[0.0; 4]; 4];
-    for i in 0..4 {
-        vectors[i][i] = 1.0;
-    }
-    // Each sweep squares what is left off the diagonal; a matrix of this size is done after five or six.
-    for _ in 0..12 {
-        for p in 0..3 {
-            for q in p + 1..4 {
-                if a[p][q] == 0.0 {
-                    continue;
-                }
-                // At most an eighth of a turn, which is what makes the sweeps converge.
-                let (sin, cos) = (0.5 * (2.0 * a[p][q] / (a[q][q] - a[p][p])).atan()).sin_cos();
-                for row in a.iter_mut().chain(&mut vectors) {
-                    (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
-                }
-                for column in 0..4 {
-                    (a[p][column], a[q][column]) =
-                        (cos * a[p][column] - sin * a[q][column], sin * a[p][column] + cos * a[q][column]);
-                }
-            }
-        }
-    }
-    let largest = (1..4).fold(0, |best, i| if a[i][i] > a[best][best] { i } else { best });
-    vectors.map(|row| row[largest])
+    let eigen = Matrix4::from(k).symmetric_eigen();
+    let largest = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+    DMat3::from_quat(DQuat::from_xyzw(largest[0], largest[1], largest[2], largest[3]).normalize())
 }
 
 #[cfg(test)]

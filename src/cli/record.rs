@@ -3,12 +3,9 @@ use super::signals::SignalWatch;
 use crate::config::Config;
 use crate::error::Result;
 use crate::rt::Shutdown;
-use crate::service::{RecordOptions, RecordSamples, Service};
+use crate::service::{RECORD_QUEUE, RecordOptions, RecordSamples, Service};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-
-/// Half a second at 60 frames per second evens out what disks do.
-const QUEUE: u16 = 30;
 
 /// Record what a camera gives, as it comes, without making lights.
 ///
@@ -24,7 +21,7 @@ const QUEUE: u16 = 30;
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Configuration file (TOML) that names the camera; its calibration may be missing.
+    /// Configuration file (TOML) that names the camera; before there is a calibration, leave [camera] out.
     #[arg(long, short, value_name = "FILE")]
     config: PathBuf,
 
@@ -45,7 +42,7 @@ pub(super) struct Arguments {
     seconds: Option<Duration>,
 
     /// Frames that may wait for the disk.
-    #[arg(long, value_name = "N", default_value_t = QUEUE, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = RECORD_QUEUE as u16, value_parser = clap::value_parser!(u16).range(1..=1000))]
     queue: u16,
 }
 

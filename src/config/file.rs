@@ -176,6 +176,7 @@ fn colour_matrix<'de, D: Deserializer<'de>>(value: D) -> Result<Option<ColourMat
 mod tests {
     use super::super::{Links, Pace, Source};
     use super::*;
+    use crate::source::SequenceOptions;
 
     const SOURCE: &str = "[source]\nkind = \"sequence\"\npath = \"sky/\"\n";
 
@@ -186,8 +187,8 @@ mod tests {
     #[test]
     fn a_source_suffices_and_paths_are_relative_to_the_file() {
         let config = parse_with("").unwrap();
-        let Source::Sequence(source) = config.source else { panic!("{:?}", config.source) };
-        assert_eq!(source.path, Path::new("conf/sky/"));
+        let expected = SequenceOptions { path: "conf/sky/".into(), ..SequenceOptions::default() };
+        assert_eq!(config.source, Source::Sequence(expected));
         assert_eq!((config.pace, config.links), (Pace::RealTime, Links::Replay));
         assert_eq!(config.map, PolarShape::hemisphere(360, 90));
         assert_eq!((config.lights, config.filter), (light::Options::default(), FilterOptions::default()));
@@ -219,6 +220,7 @@ mod tests {
         let config = parse(TomlText { path, text: with_all }).unwrap();
         let Source::Camera(camera, Some(bracket)) = config.source else { panic!("no bracket") };
         assert_eq!((camera.controls.len(), camera.size, bracket.values.len()), (3, Some([1280, 720]), 3));
+        assert_eq!(config.camera.projection, ProjectionKind::Fisheye);
     }
 
     #[cfg(feature = "camera")]

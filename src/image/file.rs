@@ -42,7 +42,8 @@ pub fn lat_long_note(width: usize, height: usize) -> Option<String> {
 /// What a file says beside its pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attributes {
-    /// Frames per second, finite and > 0, where the file says so (OpenEXR `framesPerSecond`).
+    /// Frames per second, finite and > 0, where the file says so (OpenEXR `framesPerSecond`); 0 in a recording of a camera
+    /// without a rate.
     pub frame_rate_hz: Option<f64>,
     /// How the pixels lie if the picture is a lat-long map.
     pub latlong_centres: LatLongCentres,

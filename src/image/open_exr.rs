@@ -115,7 +115,9 @@ fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
         block: (block.0, block.1),
         attributes: Attributes {
             // 0/1 and 1/0 are found in the wild where a program knew no rate.
-            frame_rate_hz: frame_rate_hz.filter(|rate| rate.is_finite() && *rate > 0.0),
+            frame_rate_hz: recorded
+                .frame_rate_hz
+                .or(frame_rate_hz.filter(|rate| rate.is_finite() && *rate > 0.0)),
             latlong_centres,
             capture_time_ns: recorded.capture_time_ns,
         },

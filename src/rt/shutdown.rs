@@ -36,6 +36,11 @@ impl Shutdown {
         self.request.is_raised()
     }
 
+    /// Whether every wait was ended at once.
+    pub fn is_aborted(&self) -> bool {
+        self.abort.is_raised()
+    }
+
     /// Waits for `time` or until an end is asked for; returns whether it was.
     pub fn wait(&self, time: Duration) -> bool {
         if time.is_zero() {

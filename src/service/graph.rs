@@ -45,13 +45,14 @@ impl Graph {
         })
     }
 
-    /// Runs `stage` beside the others: its end is not theirs, and its failure is told when all have ended. `finish` runs
-    /// when the stage has ended and learns whether that was without an error.
+    /// Runs `stage` beside the others: its end is not theirs unless `is_alone`, and its failure is told when all have
+    /// ended. `finish` runs when the stage has ended and learns whether it has worked off everything.
     pub fn spawn_aside<I, S>(
         &mut self,
         metrics: Arc<Metrics>,
         mut stage: S,
         inlet: I,
+        is_alone: bool,
         finish: impl FnOnce(&mut S, bool) -> Result<()> + Send + 'static,
     ) -> Result<()>
     where
@@ -61,11 +62,15 @@ impl Graph {
         let (clock, shutdown, aside) = (self.clock.clone(), self.shutdown.clone(), self.aside.clone());
         self.metrics.push(metrics.clone());
         self.threads.spawn(metrics.name(), move || {
-            let name = metrics.name();
             let outcome = stage::run(&mut stage, inlet, Nowhere, &clock, &shutdown, &metrics);
-            let finished = finish(&mut stage, outcome.is_ok());
+            let finished = finish(&mut stage, outcome.is_ok() && !shutdown.is_aborted());
+            if is_alone {
+                shutdown.request();
+            }
             if let Err(error) = outcome.and(finished) {
-                tracing::error!("{name} has ended, all else goes on: {error}");
+                if !is_alone {
+                    tracing::error!("{} has ended, all else goes on: {error}", metrics.name());
+                }
                 aside.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
             }
             Ok(())

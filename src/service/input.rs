@@ -4,9 +4,9 @@ use super::graph::Graph;
 #[cfg(feature = "camera")]
 use crate::camera::Response;
 use crate::config::{self, Config};
-#[cfg(feature = "camera")]
-use crate::error::Error;
 use crate::error::Result;
+#[cfg(feature = "camera")]
+use crate::error::{Error, Kind};
 use crate::image::Frame;
 use crate::rt::stage::{Stage, Tick, Ticks};
 use crate::rt::{Clock, Metrics, Shutdown};
@@ -24,7 +24,7 @@ const SOURCE: &str = "source";
 
 /// A source that is ready to start.
 pub struct Input {
-    kind: Kind,
+    frames: Frames,
     format: FrameFormat,
     /// For messages: the path, or the camera's stable name.
     name: String,
@@ -34,7 +34,7 @@ pub struct Input {
     utc_from_capture_ns: Option<i64>,
 }
 
-enum Kind {
+enum Frames {
     Sequence(Sequence),
     Camera(Box<dyn Camera>),
 }
@@ -50,7 +50,7 @@ impl Input {
                 let sequence = Sequence::open(options)?;
                 Ok(Self {
                     format: sequence.format(),
-                    kind: Kind::Sequence(sequence),
+                    frames: Frames::Sequence(sequence),
                     name: options.path.display().to_string(),
                     metrics: Metrics::new(SOURCE),
                     exposure_s: None,
@@ -59,7 +59,10 @@ impl Input {
             }
             #[cfg(feature = "camera")]
             config::Source::Camera(options, bracket) => {
-                let camera = V4l2Camera::open(options.clone())?;
+                let camera = V4l2Camera::open(options.clone()).map_err(|error| match error.kind() {
+                    Kind::Usage => config.locate("source", error),
+                    _ => error,
+                })?;
                 let (format, name) = (camera.format(), camera.name().to_owned());
                 let exposure_s = camera.exposure_s();
                 let input = match bracket {
@@ -75,6 +78,7 @@ impl Input {
     #[cfg(feature = "camera")]
     fn bracket(mut camera: V4l2Camera, options: &BracketOptions, response: &Response) -> Result<Self> {
         let (mut format, name) = (camera.format(), camera.name().to_owned());
+        let raw_rate_hz = format.frame_rate_hz;
         if format.bayer.is_some() {
             return Err(Error::usage(
                 "exposures of a mosaic sensor cannot be merged; choose another pixel format",
@@ -84,15 +88,15 @@ impl Input {
         format.is_codes = false;
         format.frame_rate_hz /= options.values.len() as f64;
         let metrics = Metrics::new(SOURCE);
-        let bracket = Bracket::new(camera, options, response, &metrics)?;
+        let bracket = Bracket::new(camera, raw_rate_hz, options, response, &metrics)?;
         Ok(Self { metrics, ..Self::camera(format, name, bracket) })
     }
 
     /// Any other camera: frames of this format from a device of this name.
     pub fn camera(format: FrameFormat, name: String, camera: impl Camera + 'static) -> Self {
-        let kind = Kind::Camera(Box::new(camera));
+        let frames = Frames::Camera(Box::new(camera));
         let metrics = Metrics::new(SOURCE);
-        Self { kind, format, name, metrics, exposure_s: None, utc_from_capture_ns: None }
+        Self { frames, format, name, metrics, exposure_s: None, utc_from_capture_ns: None }
     }
 
     pub(super) fn format(&self) -> &FrameFormat {
@@ -103,11 +107,16 @@ impl Input {
         &self.name
     }
 
+    /// Whether frames wait for their reader; those of a camera do not.
+    pub(super) fn waits(&self) -> bool {
+        matches!(self.frames, Frames::Sequence(_))
+    }
+
     /// Frames to come, readable or not; `None` without an end.
     pub(super) fn frame_count(&self) -> Option<u64> {
-        match &self.kind {
-            Kind::Sequence(sequence) => sequence.frame_count(),
-            Kind::Camera(_) => None,
+        match &self.frames {
+            Frames::Sequence(sequence) => sequence.frame_count(),
+            Frames::Camera(_) => None,
         }
     }
 
@@ -126,11 +135,11 @@ impl Input {
     pub(super) fn spawn(self, graph: &mut Graph, outlet: Tee) -> Result<()> {
         let (clock, shutdown) = (graph.clock().clone(), graph.shutdown().clone());
         let metrics = self.metrics;
-        match self.kind {
-            Kind::Sequence(sequence) => {
+        match self.frames {
+            Frames::Sequence(sequence) => {
                 spawn(graph, metrics, stage::Source::new(sequence, &clock), &shutdown, outlet)
             }
-            Kind::Camera(camera) => {
+            Frames::Camera(camera) => {
                 let rate_hz = self.format.frame_rate_hz;
                 let patience = Patience::for_rate(rate_hz);
                 let capture = stage::Capture::new(camera, rate_hz, patience, (&clock, &shutdown), &metrics);
@@ -141,8 +150,8 @@ impl Input {
 
     /// The time that paces it, when it may run as fast as it goes.
     pub(super) fn clock(&self, is_fast: bool) -> Clock {
-        match self.kind {
-            Kind::Sequence(_) if is_fast => Clock::simulated(),
+        match self.frames {
+            Frames::Sequence(_) if is_fast => Clock::simulated(),
             _ => Clock::real(),
         }
     }

@@ -12,7 +12,7 @@ mod recorder;
 mod summary;
 
 pub use input::Input;
-pub use recorder::{RecordOptions, RecordSamples};
+pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
 
 use crate::config::{Config, Links, Pace};
@@ -140,7 +140,7 @@ impl Service {
         graph.spawn(calibrate_metrics, calibrate, frames_out, maps_in)?;
         let recorder = match recording {
             Some((record, frames, recorder, metrics)) => {
-                recorder::spawn(&mut graph, (record, frames, metrics))?;
+                recorder::spawn(&mut graph, (record, frames, metrics), false)?;
                 Some(recorder)
             }
             None => None,
@@ -149,7 +149,7 @@ impl Service {
         Ok(Self { graph, frame_count })
     }
 
-    /// Records what `config` names and makes no lights of it; the calibration may be missing.
+    /// Records what `config` names and makes no lights of it.
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -158,16 +158,16 @@ impl Service {
         let frame_count = input.frame_count();
         let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
         let (record, frames, recorder, metrics) = recorder::recorder(config, options, &input, shutdown)?;
-        recorder::spawn(&mut graph, (record, frames, metrics))?;
+        recorder::spawn(&mut graph, (record, frames, metrics), true)?;
         input.spawn(&mut graph, stage::Tee::new(None, Some(recorder)))?;
         Ok(Self { graph, frame_count })
     }
 
     /// Gives the first `count` frames of what `config` names to `each`, in the calling thread; fewer where a sequence
-    /// ends. Their meaning is not looked at.
+    /// ends. Their meaning is not looked at. Requests `shutdown` when it is done.
     ///
     /// # Errors
-    /// Those of the source and of `each`.
+    /// Those of the source and of `each`; kind `Failed` when `shutdown` was requested before.
     pub fn take_frames(
         config: &Config,
         count: u64,
@@ -185,6 +185,9 @@ impl Service {
             if outcome.is_err() {
                 break;
             }
+        }
+        if outcome.is_ok() && shutdown.is_requested() {
+            outcome = Err(Error::failed("interrupted before all frames were taken"));
         }
         drop(frames_out);
         shutdown.request();

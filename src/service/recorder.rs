@@ -10,6 +10,7 @@ use crate::image::Frame;
 use crate::rt::{Metrics, Shutdown, link};
 use crate::stage::{Record, Recorder};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What to record.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,10 +25,18 @@ pub struct RecordOptions {
     pub frames_max: u64,
 }
 
+/// Frames that wait for the disk unless told otherwise: half a second at 60 frames per second evens out what disks do.
+pub const RECORD_QUEUE: usize = 30;
+
 impl Default for RecordOptions {
-    /// Codes without an end; half a second at 60 frames per second evens out what disks do.
+    /// What the camera gives, without an end.
     fn default() -> Self {
-        Self { folder: PathBuf::new(), samples: RecordSamples::AsCaptured, queue: 30, frames_max: u64::MAX }
+        Self {
+            folder: PathBuf::new(),
+            samples: RecordSamples::AsCaptured,
+            queue: RECORD_QUEUE,
+            frames_max: u64::MAX,
+        }
     }
 }
 
@@ -49,7 +58,7 @@ pub(super) fn recorder(
     options: &RecordOptions,
     input: &Input,
     shutdown: &Shutdown,
-) -> Result<(Record, link::Receiver<Frame>, Recorder, std::sync::Arc<Metrics>)> {
+) -> Result<(Record, link::Receiver<Frame>, Recorder, Arc<Metrics>)> {
     let metrics = Metrics::new("record");
     let response = camera::response(config)?;
     let table = match options.samples {
@@ -61,7 +70,7 @@ pub(super) fn recorder(
     let recording = input.recording(calibration);
     let record = Record::new(options.folder.clone(), recording, table, options.frames_max, &metrics)?;
     let (frames, receiver) = link::bounded(options.queue, shutdown, Frame::default);
-    let recorder = Recorder { frames, dropped: metrics.drops.clone() };
+    let recorder = Recorder { frames, dropped: metrics.drops.clone(), waits: input.waits() };
     Ok((record, receiver, recorder, metrics))
 }
 
@@ -82,10 +91,11 @@ fn table(input: &Input, response: &Response) -> Result<Vec<f32>> {
     Ok(response.table().to_vec())
 }
 
-/// Runs a recorder beside a service: its failure ends the recording and is told in the end; the service goes on.
+/// Runs a recorder: beside a service, its failure ends the recording and is told in the end; alone, its end is the end.
 pub(super) fn spawn(
     graph: &mut Graph,
-    (record, frames, metrics): (Record, link::Receiver<Frame>, std::sync::Arc<Metrics>),
+    (record, frames, metrics): (Record, link::Receiver<Frame>, Arc<Metrics>),
+    is_alone: bool,
 ) -> Result<()> {
-    graph.spawn_aside(metrics, record, frames, Record::finish)
+    graph.spawn_aside(metrics, record, frames, is_alone, Record::finish)
 }

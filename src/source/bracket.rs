@@ -1,7 +1,7 @@
 //! High dynamic range from an ordinary camera: its exposure goes round a list of values, and every round becomes one
 //! frame of radiance, at the camera's rate divided by the number of values.
 
-use super::live::{Camera, Captured, Mark};
+use super::live::{BadBuffer, Camera, Captured, Mark};
 use crate::camera::{ExposureMerge, Response, SensorNoise};
 use crate::error::{Error, Result};
 use crate::image::Frame;
@@ -59,18 +59,30 @@ pub struct Bracket<C> {
     plan: Plan,
     merge: ExposureMerge,
     raw: Frame,
+    frame_ns: f64,
+    /// Smallest age of a frame so far: what the driver and the bus take.
+    least_age_ns: i64,
+    /// The frame before, by its driver's count, and its number here.
+    last: Option<(u32, u32)>,
     /// Time of the first frame of the round under way.
     first_ns: i64,
-    counters: [Counter; 4],
+    counters: [Counter; 3],
 }
 
 impl<C: ExposureControl> Bracket<C> {
-    /// Rounds of `camera`'s frames, whose codes mean what `response` says at an exposure of one second.
+    /// Rounds of `camera`'s frames, `frame_rate_hz` of them a second (0: unknown), whose codes mean what `response` says
+    /// at an exposure of one second.
     ///
     /// # Errors
     /// `Usage`: fewer than two values, equal ones, a unit that is not positive, a latency of 0 or more than 16 frames,
     /// a response that says nothing of codes.
-    pub fn new(camera: C, options: &BracketOptions, response: &Response, metrics: &Metrics) -> Result<Self> {
+    pub fn new(
+        camera: C,
+        frame_rate_hz: f64,
+        options: &BracketOptions,
+        response: &Response,
+        metrics: &Metrics,
+    ) -> Result<Self> {
         let BracketOptions { values, unit_s, latency_frames, .. } = options;
         if !(1..=LATENCY_MAX).contains(latency_frames) {
             return Err(Error::usage(format!(
@@ -85,32 +97,46 @@ impl<C: ExposureControl> Bracket<C> {
             merge: ExposureMerge::new(response, &exposures_s, &SensorNoise::default())?,
             values: values.clone(),
             raw: Frame::default(),
+            frame_ns: if frame_rate_hz > 0.0 { 1e9 / frame_rate_hz } else { f64::INFINITY },
+            least_age_ns: i64::MAX,
+            last: None,
             first_ns: 0,
             counters: [
                 "pixels saturated in the shortest exposure",
                 "pixels black in the longest exposure",
                 "pixels between two exposures",
-                "incomplete rounds of exposures",
             ]
             .map(|name| metrics.counter(name)),
         })
     }
 
-    /// One frame of the camera; the mark of the round that it completes.
-    fn add(&mut self, mark: Mark, frame: &mut Frame) -> Result<Option<Mark>> {
-        let step = self.plan.arrive(mark.sequence);
+    /// Numbers a frame by the driver's count, or one by one where the driver does not count, and sets the next exposure.
+    fn arrive(&mut self, mark: Mark) -> Result<Step> {
+        let number = match self.last {
+            None => mark.sequence,
+            Some((count, number)) => number.wrapping_add(mark.sequence.wrapping_sub(count).max(1)),
+        };
+        self.last = Some((mark.sequence, number));
+        // A frame that has waited in the queue was not the last one that was exposed.
+        self.least_age_ns = self.least_age_ns.min(mark.age_ns);
+        let late = (mark.age_ns.saturating_sub(self.least_age_ns) as f64 / self.frame_ns).round() as u32;
+        let step = self.plan.arrive(number, late);
         self.camera.set_exposure(self.values[step.next])?;
-        if step.has_broken {
-            self.counters[3].add(1);
-        }
-        let Some(exposure) = step.exposure else { return Ok(None) };
+        Ok(step)
+    }
+
+    /// Adds a frame that can be used.
+    fn add(&mut self, mark: Mark, frame: &mut Frame) -> Result<Captured> {
+        let step = self.arrive(mark)?;
+        let of_round = Mark { sequence: step.round, ..mark };
+        let Some(exposure) = step.exposure else { return Ok(step.otherwise(of_round)) };
         if exposure == 0 {
             self.merge.restart();
             self.first_ns = mark.time_ns;
         }
         self.merge.add(&self.raw, exposure)?;
-        if exposure + 1 < self.values.len() {
-            return Ok(None);
+        if !step.is_last {
+            return Ok(Captured::Part);
         }
         let counts = self.merge.finish(frame)?;
         for (counter, count) in
@@ -118,31 +144,27 @@ impl<C: ExposureControl> Bracket<C> {
         {
             counter.add(count);
         }
-        let middle_ns = self.first_ns + (mark.time_ns - self.first_ns) / 2;
-        Ok(Some(Mark { sequence: step.round, time_ns: middle_ns }))
+        let middle_ns = self.first_ns.midpoint(mark.time_ns);
+        Ok(Captured::Frame(Mark { time_ns: middle_ns, ..of_round }))
     }
 }
 
 impl<C: ExposureControl> Camera for Bracket<C> {
     fn start(&mut self) -> Result<()> {
         self.plan.restart();
+        self.last = None;
         self.camera.start()
     }
 
     fn capture(&mut self, patience: Duration, frame: &mut Frame) -> Result<Captured> {
         match self.camera.capture(patience, &mut self.raw)? {
-            Captured::Frame(mark) => Ok(self.add(mark, frame)?.map_or(Captured::Nothing, Captured::Frame)),
-            // A frame that cannot be used is a gap in its round; the first one stands for the round.
+            Captured::Frame(mark) => self.add(mark, frame),
             Captured::Bad(mark, reason) => {
-                let round = mark.sequence / self.plan.count;
-                let has_broken = self.plan.break_round();
-                Ok(if has_broken {
-                    Captured::Bad(Mark { sequence: round, ..mark }, reason)
-                } else {
-                    Captured::Nothing
-                })
+                let step = self.arrive(mark)?;
+                self.plan.break_round();
+                Ok(Captured::Bad(Mark { sequence: step.round, ..mark }, reason))
             }
-            Captured::Nothing => Ok(Captured::Nothing),
+            other => Ok(other),
         }
     }
 
@@ -169,11 +191,18 @@ struct Plan {
 struct Step {
     /// The exposure to set now.
     next: usize,
-    /// The exposure of this frame, when it continues a round; 0 begins one, the last one ends it.
+    /// The exposure of this frame, when it continues a round; 0 begins one.
     exposure: Option<usize>,
     round: u32,
-    /// A round that had begun will not be complete.
-    has_broken: bool,
+    /// Nothing more comes of this round.
+    is_last: bool,
+}
+
+impl Step {
+    /// What came with a frame that continues no round: at a round's end, that it is not complete.
+    fn otherwise(&self, of_round: Mark) -> Captured {
+        if self.is_last { Captured::Bad(of_round, BadBuffer::Incomplete) } else { Captured::Part }
+    }
 }
 
 impl Plan {
@@ -185,12 +214,12 @@ impl Plan {
         *self = Self::new(self.count, self.latency_frames);
     }
 
-    /// Whether there was a round to break.
-    fn break_round(&mut self) -> bool {
-        std::mem::take(&mut self.complete) > 0
+    fn break_round(&mut self) {
+        self.complete = 0;
     }
 
-    fn arrive(&mut self, frame: u32) -> Step {
+    /// A frame arrives, `late` frames after the one that was exposed when it could have.
+    fn arrive(&mut self, frame: u32, late: u32) -> Step {
         let wanted = (frame % self.count) as usize;
         // All settings but the one that holds now and those to come are history.
         while self.settings.get(1).is_some_and(|&(from, _)| from <= frame) {
@@ -199,16 +228,22 @@ impl Plan {
         let has = self.settings.front().filter(|&&(from, _)| from <= frame).map(|&(_, exposure)| exposure);
         let is_neighbour = self.last == frame.checked_sub(1);
         self.last = Some(frame);
-        let from = frame.saturating_add(self.latency_frames);
+        let from = frame.saturating_add(late).saturating_add(self.latency_frames);
         let next = (from % self.count) as usize;
+        // What was to hold from then on has been overruled.
+        while self.settings.back().is_some_and(|&(other, _)| other >= from) {
+            self.settings.pop_back();
+        }
         self.settings.push_back((from, next));
 
         let continues = has == Some(wanted) && (wanted == 0 || is_neighbour && wanted == self.complete);
-        let has_broken = (!continues || wanted == 0) && self.break_round();
-        if continues {
-            self.complete = (wanted + 1) % self.count as usize;
+        self.complete = if continues { (wanted + 1) % self.count as usize } else { 0 };
+        Step {
+            next,
+            exposure: continues.then_some(wanted),
+            round: frame / self.count,
+            is_last: wanted + 1 == self.count as usize,
         }
-        Step { next, exposure: continues.then_some(wanted), round: frame / self.count, has_broken }
     }
 }
 

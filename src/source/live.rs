@@ -43,6 +43,8 @@ pub enum Captured {
     Frame(Mark),
     /// A frame that cannot be used, and why.
     Bad(Mark, BadBuffer),
+    /// A part of a frame to come.
+    Part,
     /// None as yet.
     Nothing,
 }
@@ -56,6 +58,8 @@ pub enum BadBuffer {
     Short,
     /// Its compressed picture cannot be decoded.
     Undecodable,
+    /// It was to be made of several exposures, of which some are missing or had not been set.
+    Incomplete,
 }
 
 /// Where the kernel places a frame.
@@ -65,6 +69,8 @@ pub struct Mark {
     pub sequence: u32,
     /// Time of capture on the kernel's monotonic clock in nanoseconds.
     pub time_ns: i64,
+    /// How long ago that was when the frame was taken out of the driver's queue.
+    pub age_ns: i64,
 }
 
 /// Turns the driver's counts, which begin anew with every start and have 32 bits, into sequence numbers that never
@@ -84,7 +90,12 @@ pub struct Numbering {
     was_away: bool,
     unused: u64,
     dropped: u64,
+    /// Frames in a row that were out of order.
+    refused: u32,
 }
+
+/// After so many frames in a row that seem out of order, the driver has begun to count anew.
+const REFUSED_MAX: u32 = 8;
 
 /// What [`Numbering::number`] says about a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,7 +111,7 @@ pub struct Numbered {
 impl Numbering {
     /// For a camera of this rate; 0 if that is unknown: then nothing is said to be lost over a restart.
     pub fn new(frame_rate_hz: f64) -> Self {
-        Self { frame_rate_hz, last: None, count: None, was_away: false, unused: 0, dropped: 0 }
+        Self { frame_rate_hz, last: None, count: None, was_away: false, unused: 0, dropped: 0, refused: 0 }
     }
 
     /// The stream was started again: its counts begin anew.
@@ -109,9 +120,10 @@ impl Numbering {
         self.was_away = true;
     }
 
-    /// A frame came that cannot be used.
+    /// A frame came that cannot be used; several with one count are one.
     pub fn skip(&mut self, mark: Mark) {
-        if self.advance(mark) {
+        let is_counted = self.count == Some(mark.sequence);
+        if self.advance(mark) && !is_counted {
             self.unused += 1;
         }
     }
@@ -146,12 +158,27 @@ impl Numbering {
     fn advance(&mut self, mark: Mark) -> bool {
         // Counts wrap: what is less than half a round ahead is later.
         let step = self.count.map_or(1, |count| mark.sequence.wrapping_sub(count) as i32);
-        if step < 0 {
+        if step < 0 && self.refused < REFUSED_MAX {
+            self.refused += 1;
             return false;
         }
+        if step < 0 {
+            self.was_away = true;
+        }
+        self.refused = 0;
         self.count = Some(mark.sequence);
-        self.dropped += u64::from(step.unsigned_abs()).saturating_sub(1);
+        let gap = u64::from(step.max(1).unsigned_abs()) - 1;
+        self.dropped += gap.min(self.frames_since_last(mark).unwrap_or(gap));
         true
+    }
+
+    /// Most frames that the camera can have taken since the last one that was used; `None` where rate or times do not
+    /// tell. A count that leaps says nothing.
+    fn frames_since_last(&self, mark: Mark) -> Option<u64> {
+        let elapsed_ns = mark.time_ns.saturating_sub(self.last?.0.time_ns);
+        let is_known = self.frame_rate_hz > 0.0 && elapsed_ns > 0;
+        // Half as many again: rates are nominal, and times jitter.
+        is_known.then(|| (1.5 * elapsed_ns as f64 * 1e-9 * self.frame_rate_hz).ceil() as u64 + 1)
     }
 }
 
@@ -160,7 +187,7 @@ mod tests {
     use super::*;
 
     fn mark(sequence: u32, time_ms: i64) -> Mark {
-        Mark { sequence, time_ns: time_ms * 1_000_000 }
+        Mark { sequence, time_ns: time_ms * 1_000_000, age_ns: 0 }
     }
 
     /// Sequence number and all losses of the frame with this mark.
@@ -198,6 +225,26 @@ mod tests {
         assert_eq!(numbering.number(mark(6, 40)), None);
         numbering.skip(mark(6, 40));
         assert_eq!(numbers(&mut numbering, mark(8, 120)), [3, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_driver_that_begins_to_count_anew_is_believed_after_a_few_frames() {
+        let mut numbering = Numbering::new(25.0);
+        numbers(&mut numbering, mark(100_000, 0));
+        for frame in 0..8 {
+            assert_eq!(numbering.number(mark(frame, 40 * i64::from(frame + 1))), None);
+        }
+        // The ninth: eight were not used, and the time says that they were there.
+        assert_eq!(numbers(&mut numbering, mark(8, 360)), [9, 8, 0, 8]);
+        assert_eq!(numbers(&mut numbering, mark(9, 400)), [10, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_count_that_leaps_loses_no_more_frames_than_the_time_holds() {
+        let mut numbering = Numbering::new(25.0);
+        numbers(&mut numbering, mark(0, 0));
+        let [_, lost, dropped, _] = numbers(&mut numbering, mark(2_000_000_000, 40));
+        assert_eq!((lost, dropped), (3, 3));
     }
 
     #[test]

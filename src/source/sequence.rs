@@ -124,6 +124,8 @@ impl Sequence {
         let (model, attributes) = first_readable(options, &files, &mut frame)?;
         let rate = match options.frame_rate_hz.or(attributes.frame_rate_hz) {
             Some(rate) if rate.is_finite() && rate > 0.0 => rate,
+            // A recording of a camera without a rate: its files have their times.
+            Some(0.0) if options.frame_rate_hz.is_none() && attributes.capture_time_ns.is_some() => 0.0,
             Some(rate) => return Err(fault(format!("frame_rate_hz = {rate} must be a positive number"))),
             None if files.len() == 1 && !options.repeat => 0.0,
             None => {

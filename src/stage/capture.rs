@@ -14,6 +14,8 @@ pub struct Patience {
     pub first_wait: Duration,
     /// Longest wait between two attempts.
     pub longest_wait: Duration,
+    /// A camera that gives frames so long after a start is well: the waits begin anew.
+    pub recovery: Duration,
 }
 
 impl Patience {
@@ -26,6 +28,7 @@ impl Patience {
             silence: Duration::from_secs_f64(frames_s.max(2.0)),
             first_wait: Duration::from_millis(100),
             longest_wait: Duration::from_secs(5),
+            recovery: Duration::from_secs(1),
         }
     }
 }
@@ -47,8 +50,10 @@ pub struct Capture<C> {
     clock: Clock,
     shutdown: Shutdown,
     state: State,
-    /// Attempts to start since the last good frame.
+    /// Attempts to start since the camera was well.
     attempts: u32,
+    /// Time of the clock at the last start.
+    started_ns: i64,
     numbering: Numbering,
     counters: Counters,
 }
@@ -65,10 +70,8 @@ enum State {
 struct Counters {
     /// Counted by the kernel and never given to us.
     dropped_by_kernel: Counter,
-    /// Given to us and not used: one counter for each [`BadBuffer`].
-    faulty: Counter,
-    short: Counter,
-    undecodable: Counter,
+    /// Given to us and not used: one for each of [`BAD`].
+    bad: [Counter; 4],
     out_of_order: Counter,
     /// Not taken because the camera was away, by its rate.
     missed_while_away: Counter,
@@ -95,6 +98,7 @@ impl<C: Camera> Capture<C> {
             shutdown: shutdown.clone(),
             state: State::Away,
             attempts: 0,
+            started_ns: 0,
             numbering: Numbering::new(frame_rate_hz),
             counters: Counters::new(metrics),
         }
@@ -109,7 +113,8 @@ impl<C: Camera> Capture<C> {
         self.attempts = self.attempts.saturating_add(1);
         match self.camera.start() {
             Ok(()) => {
-                self.state = State::Streaming { heard_ns: self.clock.now_ns() };
+                self.started_ns = self.clock.now_ns();
+                self.state = State::Streaming { heard_ns: self.started_ns };
                 Ok(())
             }
             Err(error) if error.kind() == Kind::LostDevice => {
@@ -131,8 +136,11 @@ impl<C: Camera> Capture<C> {
     }
 
     fn lose(&mut self, error: &Error) {
-        tracing::warn!("{error}; starting it again");
         self.counters.restarts.add(1);
+        // As for attempts: a camera that dies again and again does not fill the log.
+        if self.attempts <= 1 || self.attempts.is_power_of_two() {
+            tracing::warn!("{error}; starting it again");
+        }
         self.camera.stop();
         self.numbering.restart();
         self.state = State::Away;
@@ -157,9 +165,14 @@ impl<C: Camera> Capture<C> {
                 }
                 return Ok(false);
             }
+            Captured::Part => None,
             Captured::Bad(mark, reason) => {
                 self.numbering.skip(mark);
-                self.counters.of(reason).add(1);
+                let (counter, what) = self.counters.of(reason);
+                counter.add(1);
+                if counter.get().is_power_of_two() {
+                    tracing::warn!("{} {what} so far; the capture goes on", counter.get());
+                }
                 None
             }
             Captured::Frame(mark) => {
@@ -174,7 +187,9 @@ impl<C: Camera> Capture<C> {
         let Some(numbered) = numbered else { return Ok(false) };
         self.counters.dropped_by_kernel.add(numbered.dropped_by_kernel);
         self.counters.missed_while_away.add(numbered.missed_while_away);
-        self.attempts = 0;
+        if now_ns.saturating_sub(self.started_ns) >= nanoseconds(self.patience.recovery) {
+            self.attempts = 0;
+        }
         frame.stamp = numbered.stamp;
         Ok(true)
     }
@@ -201,26 +216,29 @@ impl<C: Camera> Stage for Capture<C> {
 
 impl Counters {
     fn new(metrics: &Metrics) -> Self {
-        let frames = |name| metrics.counter(name);
         Self {
-            dropped_by_kernel: frames("frames dropped by the kernel"),
-            faulty: frames("faulty frames"),
-            short: frames("short frames"),
-            undecodable: frames("undecodable frames"),
-            out_of_order: frames("frames out of order"),
-            missed_while_away: frames("frames missed while the camera was away"),
-            restarts: frames("restarts of the camera"),
+            dropped_by_kernel: metrics.counter("frames dropped by the kernel"),
+            bad: BAD.map(|(_, name)| metrics.counter(name)),
+            out_of_order: metrics.counter("frames out of order"),
+            missed_while_away: metrics.counter("frames missed while the camera was away"),
+            restarts: metrics.counter("restarts of the camera"),
         }
     }
 
-    fn of(&self, reason: BadBuffer) -> &Counter {
-        match reason {
-            BadBuffer::Faulty => &self.faulty,
-            BadBuffer::Short => &self.short,
-            BadBuffer::Undecodable => &self.undecodable,
-        }
+    /// The counter of a reason, and what it counts.
+    fn of(&self, reason: BadBuffer) -> (&Counter, &'static str) {
+        let index = BAD.iter().position(|(known, _)| *known == reason).unwrap_or(0);
+        (&self.bad[index], BAD[index].1)
     }
 }
+
+/// What the counters of frames that were given to us and not used are called.
+const BAD: [(BadBuffer, &str); 4] = [
+    (BadBuffer::Faulty, "faulty frames"),
+    (BadBuffer::Short, "short frames"),
+    (BadBuffer::Undecodable, "undecodable frames"),
+    (BadBuffer::Incomplete, "incomplete rounds of exposures"),
+];
 
 fn nanoseconds(time: Duration) -> i64 {
     i64::try_from(time.as_nanos()).unwrap_or(i64::MAX)

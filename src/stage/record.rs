@@ -24,10 +24,17 @@ pub struct Recorder {
     pub frames: Sender<Frame>,
     /// Frames that it had no room for.
     pub dropped: Counter,
+    /// Whether the source can wait until there is room: files can, a camera cannot.
+    pub waits: bool,
 }
 
 impl Recorder {
     fn offer(&mut self, frame: &Frame) -> Result<(), Closed> {
+        if self.waits {
+            let mut copy = self.frames.take()?;
+            copy.copy_from(frame);
+            return self.frames.send(copy);
+        }
         let Some(mut copy) = self.frames.try_take()? else {
             self.dropped.add(1);
             return Ok(());
@@ -99,7 +106,7 @@ struct Sidecar {
     size: [usize; 2],
     channels: usize,
     bayer: Option<Bayer>,
-    /// `codes` or `half` (radiance).
+    /// `codes`, `half` or `float` (radiance).
     samples: &'static str,
     frame_rate_hz: f64,
     /// Of the first and the last frame.
@@ -113,10 +120,14 @@ struct Sidecar {
 
 impl Sidecar {
     /// Counts a frame that was written.
-    fn add(&mut self, frame: &Frame) {
+    fn add(&mut self, frame: &Frame, is_half: bool) {
         let Frame { stamp, width, height, channels, bayer, pixels } = frame;
         (self.size, self.channels, self.bayer) = ([*width, *height], *channels, *bayer);
-        self.samples = if matches!(pixels, Pixels::Codes(_)) { "codes" } else { "half" };
+        self.samples = match pixels {
+            Pixels::Codes(_) => "codes",
+            Pixels::Radiance(_) if is_half => "half",
+            Pixels::Radiance(_) => "float",
+        };
         self.frame_rate_hz = stamp.frame_rate_hz;
         let first = self.sequence_numbers.map_or(stamp.sequence, |(first, _)| first);
         self.sequence_numbers = Some((first, stamp.sequence));
@@ -141,12 +152,14 @@ pub struct Record {
 /// Name of the file beside the frames.
 pub const SIDECAR: &str = "recording.json";
 
-/// Largest half float.
+/// Largest half float, and half of the smallest one: what is below becomes 0.
 const HALF_MAX: f32 = 65_504.0;
+const HALF_MIN: f32 = 2.980_232_2e-8;
 
 impl Record {
-    /// Up to `frames_max` frames into `folder`, which is made. `table` gives the radiance by code: then radiance is
-    /// written, as half floats; values beyond these are written as the largest, 65504, and counted.
+    /// Up to `frames_max` frames into `folder`, which is made. `table` gives the radiance by code (none is needed for
+    /// frames of radiance): then radiance is written as half floats; values beyond these are written as the largest,
+    /// 65504, and counted, as are those too small for them, which become 0.
     ///
     /// # Errors
     /// `Usage`: the folder is not empty. `Failed`: it cannot be made.
@@ -216,6 +229,7 @@ impl Stage for Record {
             return Ok(Flow::End);
         }
         let path = self.folder.join(format!("frame.{:06}.exr", frame.stamp.sequence));
+        let is_half = self.radiance.is_some();
         let written = match &mut self.radiance {
             None => frame,
             Some((table, radiance)) => {
@@ -223,8 +237,8 @@ impl Stage for Record {
                 radiance
             }
         };
-        write_recorded_exr(&path, written, self.sidecar.recording.exposure_s, self.lens.as_deref())?;
-        self.sidecar.add(written);
+        write_recorded_exr(&path, written, is_half, self.sidecar.recording.exposure_s, self.lens.as_deref())?;
+        self.sidecar.add(written, is_half);
         if self.sidecar.frames_written == 1 {
             self.write_sidecar()?;
         }
@@ -232,25 +246,29 @@ impl Stage for Record {
     }
 }
 
-/// Radiance of a frame's codes, cut at the largest half float; returns how many were. Frames of radiance are copied.
+/// Radiance of a frame, by `table` where it has codes, cut at the largest half float; returns how many pixels have no half
+/// float of their size. What is no number stays so.
 fn decode(frame: &Frame, table: &[f32], to: &mut Frame) -> u64 {
-    let Pixels::Codes(codes) = &frame.pixels else {
-        to.copy_from(frame);
-        return 0;
-    };
     let Frame { stamp, width, height, channels, bayer, .. } = *frame;
     let mut values = match std::mem::replace(&mut to.pixels, Pixels::Radiance(Vec::new())) {
         Pixels::Radiance(values) => values,
         Pixels::Codes(_) => Vec::new(),
     };
-    let brightest = table.last().copied().unwrap_or(0.0);
     let mut beyond = 0;
+    let mut cut = |radiance: f32| {
+        beyond += u64::from(radiance > HALF_MAX || radiance > 0.0 && radiance < HALF_MIN);
+        if radiance > HALF_MAX { HALF_MAX } else { radiance }
+    };
     values.clear();
-    values.extend(codes.iter().map(|&code| {
-        let radiance = table.get(usize::from(code)).copied().unwrap_or(brightest);
-        beyond += u64::from(radiance > HALF_MAX);
-        radiance.min(HALF_MAX)
-    }));
+    match &frame.pixels {
+        Pixels::Codes(codes) => {
+            let brightest = table.last().copied().unwrap_or(0.0);
+            values.extend(
+                codes.iter().map(|&code| cut(table.get(usize::from(code)).copied().unwrap_or(brightest))),
+            );
+        }
+        Pixels::Radiance(radiance) => values.extend(radiance.iter().map(|&radiance| cut(radiance))),
+    }
     *to = Frame { stamp, width, height, channels, bayer, pixels: Pixels::Radiance(values) };
     beyond
 }
@@ -329,11 +347,49 @@ mod tests {
     }
 
     #[test]
+    fn radiance_is_recorded_as_it_comes_or_as_half_floats_that_are_counted() {
+        let metrics = Metrics::new("record");
+        let values = vec![1e6, 0.1, 1e-9, 0.0];
+        let frame = Frame { width: 4, height: 1, pixels: Pixels::Radiance(values.clone()), ..frame(0) };
+        for (table, expected) in [(None, values), (Some(Vec::new()), vec![HALF_MAX, 0.099_975_586, 0.0, 0.0])]
+        {
+            let folder = tempfile::tempdir().unwrap();
+            let mut record = Record::new(folder.path().to_owned(), recording(), table, 9, &metrics).unwrap();
+            record.step(&frame, &mut ()).unwrap();
+            let mut read_back = Frame::default();
+            read(&folder.path().join("frame.000000.exr"), &mut read_back).unwrap();
+            assert_eq!(read_back.pixels, Pixels::Radiance(expected));
+        }
+        assert_eq!(metrics.counters(), [("pixels beyond half floats", 2)]);
+    }
+
+    #[test]
+    fn files_wait_for_a_recorder_that_is_behind() {
+        let shutdown = Shutdown::new();
+        let (frames, mut recorder_end) = bounded(1, &shutdown, Frame::default);
+        let recorder = Recorder { frames, dropped: Counter::default(), waits: true };
+        let mut tee = Tee::new(None, Some(recorder));
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                for sequence in 0..20 {
+                    let mut buffer = tee.take().unwrap();
+                    buffer.copy_from(&frame(sequence));
+                    tee.send(buffer).unwrap();
+                }
+            });
+            for sequence in 0..20 {
+                assert_eq!(recorder_end.receive().unwrap().stamp.sequence, sequence);
+            }
+            assert!(recorder_end.receive().is_none());
+        });
+    }
+
+    #[test]
     fn a_recorder_that_is_behind_loses_frames_and_holds_nobody_up() {
         let shutdown = Shutdown::new();
         let (frames, mut recorder_end) = bounded(2, &shutdown, Frame::default);
         let dropped = Counter::default();
-        let mut tee = Tee::new(None, Some(Recorder { frames, dropped: dropped.clone() }));
+        let mut tee = Tee::new(None, Some(Recorder { frames, dropped: dropped.clone(), waits: false }));
         let mut send = |sequence: u64| {
             let mut buffer = tee.take()?;
             buffer.copy_from(&frame(sequence));
@@ -356,7 +412,7 @@ mod tests {
         let (frames, next) = bounded(2, &shutdown, Frame::default);
         let (copies, recorder_end) = bounded(2, &shutdown, Frame::default);
         drop(recorder_end);
-        let recorder = Recorder { frames: copies, dropped: Counter::default() };
+        let recorder = Recorder { frames: copies, dropped: Counter::default(), waits: false };
         let mut tee = Tee::new(Some(frames), Some(recorder));
         let buffer = tee.take().unwrap();
         tee.send(buffer).unwrap();

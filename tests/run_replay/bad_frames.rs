@@ -59,7 +59,7 @@ fn nan_negative_and_overflowed_half_pixels_of_a_file_are_counted_and_never_leave
     let output = recording.run();
     let summary = stderr(&output);
     assert_eq!(output.status.code(), Some(0), "{summary}");
-    assert!(summary.contains("1 NaN, 1 infinite, 2 negative"), "{summary}");
+    assert!(summary.contains("1 pixels NaN, 1 pixels infinite, 2 pixels negative"), "{summary}");
     assert!(summary.contains("frame 3: 2 pixels negative"), "{summary}");
     let found = lists(&output.stdout);
     assert_eq!(found.len(), 6);

@@ -122,7 +122,7 @@ fn a_mosaic_keeps_its_colours_from_file_to_list() {
         let others = power.iter().enumerate().filter(|(channel, _)| *channel != lit).map(|(_, power)| *power);
         assert!(others.into_iter().all(|other| power[lit] > 1.5 * other), "{bayer}: {power:?}");
         let summary = stderr(&output);
-        assert!(summary.contains("10 saturated"), "one pixel in each frame: {summary}");
+        assert!(summary.contains("10 pixels saturated"), "one pixel in each frame: {summary}");
     }
     let swap = "rec709_from_sensor = [[0, 0, 1], [0, 1, 0], [1, 0, 0]]";
     let (_first, swapped) = fisheye_from("bayer = \"RGGB\"", SIDE, linear(), swap);

@@ -24,24 +24,24 @@ use std::path::{Path, PathBuf};
 /// centres are whole numbers (0.5 px less) and the field of view has no place.
 ///
 /// Example: lightcast calibrate lens corners.json --field-of-view-deg 185 --circle-diameter-px 1010
-///              --output lens.json --plot residuals.svg | jq .rms_px
+///            --output lens.json --plot residuals.svg | jq .rms_px
 ///
 /// Photographs (PNG of 8 or 16 bits, JPEG) of an AprilGrid, the board of Kalibr:
 ///
-///     lightcast calibrate lens --april-grid april_6x6.yaml board*.png --field-of-view-deg 185 --output lens.json
+///   lightcast calibrate lens --april-grid april_6x6.yaml board*.png --field-of-view-deg 185 --output lens.json
 ///
 /// The file of corners, here from chessboards with OpenCV's detector in Python:
 ///
-///     import cv2, json, sys
-///     columns, rows, pitch_m = 9, 6, 0.025  # inner corners, and metres from one to the next
-///     views = []
-///     for name in sys.argv[1:]:
-///         grey = cv2.imread(name, cv2.IMREAD_GRAYSCALE)
-///         found, corners = cv2.findChessboardCornersSB(grey, (columns, rows))
-///         if found:
-///             views.append({"name": name, "corners_px": corners.reshape(-1, 2).tolist()})
-///     print(json.dumps({"version": 1, "image_size": grey.shape[::-1], "pixel_centres": "integer", "views": views,
-///                       "board": {"columns": columns, "rows": rows, "pitch_m": pitch_m}}))
+///   import cv2, json, sys
+///   columns, rows, pitch_m = 9, 6, 0.025  # inner corners, and metres from one to the next
+///   views = []
+///   for name in sys.argv[1:]:
+///       grey = cv2.imread(name, cv2.IMREAD_GRAYSCALE)
+///       found, corners = cv2.findChessboardCornersSB(grey, (columns, rows))
+///       if found:
+///           views.append({"name": name, "corners_px": corners.reshape(-1, 2).tolist()})
+///   print(json.dumps({"version": 1, "image_size": grey.shape[::-1], "pixel_centres": "integer", "views": views,
+///                     "board": {"columns": columns, "rows": rows, "pitch_m": pitch_m}}))
 ///
 /// "pixel_centres" is "integer" where the first pixel's centre is (0, 0), as in OpenCV and Kalibr, and "half" where it
 /// is (0.5, 0.5). A view that shows a part of the board lists the "ids" of its corners, which are numbered row by row

@@ -25,11 +25,11 @@ use std::path::{Path, PathBuf};
 /// are good, and two of them held out. The file (TOML) says where they are, in px from the top left corner; `picture` is
 /// only needed where there are several PICTURES, and of a sequence all frames are taken together:
 ///
-///     [[patch]]
-///     picture = "chart.png"
-///     rectangle = [120, 340, 30, 30]    # x, y, width, height
-///     luminance_cd_m2 = 12.5
-///     held_out = true                   # optional: not fitted, only predicted
+///   [[patch]]
+///   picture = "chart.png"
+///   rectangle = [120, 340, 30, 30]    # x, y, width, height
+///   luminance_cd_m2 = 12.5
+///   held_out = true                   # optional: not fitted, only predicted
 ///
 /// Without, the pictures are a bracket: one still scene at several exposure times, longest to shortest a factor of 2 to 8
 /// apart, from a camera that does not move. Times (with ISO and f-number) come from their EXIF data, or from --exposures,

@@ -15,6 +15,9 @@ const BAYER: &str = "lightcastBayer";
 /// Capture time in nanoseconds, by the clock of the camera that was recorded.
 const CAPTURE_TIME: &str = "lightcastCaptureTimeNs";
 
+/// Frames per second to the last digit; 0 where the camera has no rate.
+const FRAME_RATE: &str = "lightcastFrameRateHz";
+
 /// The lens of the camera, as in a calibration file.
 const LENS: &str = "lightcastLens";
 
@@ -24,6 +27,8 @@ pub(super) struct Recorded {
     pub(super) is_codes: bool,
     pub(super) bayer: Option<Bayer>,
     pub(super) capture_time_ns: Option<i64>,
+    /// Finite, 0 or more.
+    pub(super) frame_rate_hz: Option<f64>,
 }
 
 /// Reads the attributes of a part, of which the channels `names` are taken.
@@ -58,7 +63,14 @@ pub(super) fn read(header: &Header, names: &[&str]) -> Result<Recorded> {
         None => None,
         Some(time) => Some(time.parse().map_err(|_| fault(CAPTURE_TIME, &time))?),
     };
-    Ok(Recorded { is_codes, bayer, capture_time_ns })
+    let frame_rate_hz = match text(FRAME_RATE) {
+        None => None,
+        Some(rate) => {
+            let rate_hz = rate.parse().ok().filter(|rate: &f64| rate.is_finite() && *rate >= 0.0);
+            Some(rate_hz.ok_or_else(|| fault(FRAME_RATE, &rate))?)
+        }
+    };
+    Ok(Recorded { is_codes, bayer, capture_time_ns, frame_rate_hz })
 }
 
 /// Adds the attributes of a recorded frame.
@@ -80,5 +92,6 @@ pub(super) fn add(attributes: &mut LayerAttributes, frame: &Frame, lens: Option<
     if let Some(lens) = lens {
         add(LENS, lens)?;
     }
+    add(FRAME_RATE, &frame.stamp.frame_rate_hz.to_string())?;
     add(CAPTURE_TIME, &frame.stamp.capture_time_ns.to_string())
 }

@@ -30,9 +30,9 @@ pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: b
     write(path, frame, attributes, Compression::ZIP16, half)
 }
 
-/// Writes a frame of a live recording: sensor codes as `uint` channels (lossless), radiance as half floats, uncompressed
-/// so that a recording keeps up with the camera. The attributes `framesPerSecond`, `expTime` (seconds) and those of our
-/// own tell rate, exposure, capture time, the sensor's mosaic and, as text, the lens.
+/// Writes a frame of a live recording: sensor codes as `uint` channels (lossless), radiance as floats or, `half`, as half
+/// floats; uncompressed, so that a recording keeps up with the camera. The attributes `framesPerSecond`, `expTime`
+/// (seconds) and those of our own tell rate, exposure, capture time, the sensor's mosaic and, as text, the lens.
 ///
 /// # Errors
 ///
@@ -40,20 +40,22 @@ pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: b
 pub fn write_recorded_exr(
     path: &Path,
     frame: &Frame,
+    half: bool,
     exposure_s: Option<f64>,
     lens: Option<&str>,
 ) -> Result<()> {
     let attributes = || {
         let rate_hz = frame.stamp.frame_rate_hz;
         let mut attributes = LayerAttributes {
-            frames_per_second: (rate_hz > 0.0).then(|| rational(rate_hz)).transpose()?,
+            // For others; our own attribute has the rate without rounding, and those that this one cannot hold.
+            frames_per_second: rational(rate_hz).ok(),
             exposure: exposure_s.map(|seconds| seconds as f32),
             ..LayerAttributes::default()
         };
         attribute::add(&mut attributes, frame, lens)?;
         Ok(attributes)
     };
-    write(path, frame, attributes, Compression::Uncompressed, true)
+    write(path, frame, attributes, Compression::Uncompressed, half)
 }
 
 fn write(
@@ -187,16 +189,16 @@ mod tests {
         for (channels, bayer) in [(1, None), (1, Some(Bayer::Gbrg)), (3, None)] {
             let codes = (0..16 * 40 * channels).map(|n| (n * 7919 % 65_536) as u16).collect();
             let frame = Frame { stamp, width: 16, height: 40, channels, bayer, pixels: Pixels::Codes(codes) };
-            write_recorded_exr(&path, &frame, Some(0.01), Some("{\"fx\": 1}")).unwrap();
+            write_recorded_exr(&path, &frame, true, Some(0.01), Some("{\"fx\": 1}")).unwrap();
             let mut read_back = Frame { stamp, ..Frame::default() };
             let attributes = read(&path, &mut read_back).unwrap();
             assert_eq!(read_back, frame);
             assert_eq!(attributes.capture_time_ns, Some(stamp.capture_time_ns));
-            assert!((attributes.frame_rate_hz.unwrap() - 59.94).abs() < 1e-4);
+            assert_eq!(attributes.frame_rate_hz, Some(59.94), "not 60000/1001");
         }
         let meta = exr::meta::MetaData::read_from_file(&path, false).unwrap();
         assert_eq!(meta.headers[0].own_attributes.exposure, Some(0.01));
-        assert_eq!(meta.headers[0].own_attributes.other.len(), 3, "samples, time and lens");
+        assert_eq!(meta.headers[0].own_attributes.other.len(), 4, "samples, time, rate and lens");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::identity::{self, Identity};
 use super::node::{Node, Stream, monotonic_now_ns, pix_format};
 use super::pixel_format::{self, PixelFormat, Samples};
 use super::unpack::Layout;
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
 use crate::image::{Frame, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, Pixels, decode_jpeg};
 use crate::source::{BadBuffer, Camera, Captured, ExposureControl, FrameFormat, Mark};
 use std::collections::BTreeMap;
@@ -66,14 +66,18 @@ impl V4l2Camera {
     /// there, in use by another program, or does not answer.
     pub fn open(mut options: V4l2Options) -> Result<Self> {
         let identity = identity::find(&options.device)?;
-        let name = identity.names[0].clone();
+        let name = if identity.names.contains(&options.device) {
+            options.device.clone()
+        } else {
+            tracing::info!(
+                "{}: this is {}, by which it is found again after a loss",
+                options.device,
+                identity.names[0]
+            );
+            identity.names[0].clone()
+        };
         let (node, set_up) = set_up(&identity, &options).map_err(|error| error.at(&name))?;
-        // Its unit is 100 microseconds by definition.
-        let exposure_s =
-            node.control(sys::V4L2_CID_EXPOSURE_ABSOLUTE, false).ok().map(|ticks| ticks as f64 * 1e-4);
-        if !identity.names.contains(&options.device) {
-            tracing::info!("{}: this is {name}, by which it is found again after a loss", options.device);
-        }
+        let exposure_s = exposure_s(&node);
         let SetUp { pixel_format, layout, frame_rate_hz } = set_up;
         // A camera that was unplugged comes back with its own defaults: what the options leave open stays as found now.
         options.format = Some(pixel_format::name(pixel_format.fourcc));
@@ -108,7 +112,7 @@ impl V4l2Camera {
         }
     }
 
-    /// Exposure in seconds, where the camera has V4L2's standard control for it.
+    /// Exposure in seconds, where the camera has V4L2's standard control for it and does not change it by itself.
     pub fn exposure_s(&self) -> Option<f64> {
         self.exposure_s
     }
@@ -123,6 +127,13 @@ impl V4l2Camera {
         let control = control::find(&node, name).map_err(|error| error.at(&self.name))?;
         for &value in values {
             control.number(&ControlValue::Number(value)).map_err(|error| error.at(&self.name))?;
+            node.set_control(control.id, value).map_err(|error| {
+                Error::usage(format!(
+                    "control {name}: the driver refuses {value}; is an automatic exposure on?"
+                ))
+                .because(error)
+                .at(&self.name)
+            })?;
         }
         self.exposure_control = Some(control.id);
         Ok(())
@@ -133,19 +144,11 @@ impl Camera for V4l2Camera {
     fn start(&mut self) -> Result<()> {
         self.stream = None;
         let identity = identity::find(&self.name)?;
-        let (node, found) = set_up(&identity, &self.options).map_err(|error| error.at(&self.name))?;
-        let own =
-            SetUp { pixel_format: self.pixel_format, layout: self.layout, frame_rate_hz: self.frame_rate_hz };
-        if found != own {
-            return Err(Error::failed(format!(
-                "camera {}: came back with another format ({} {} x {} at {} Hz); start again",
-                self.name,
-                pixel_format::name(found.pixel_format.fourcc),
-                found.layout.width,
-                found.layout.height,
-                found.frame_rate_hz
-            )));
-        }
+        // It was all of this when it was opened: a camera that is not now is not ready, and asked again later.
+        let (node, found) = set_up(&identity, &self.options)
+            .map_err(|error| error.at(&self.name).with_kind(Kind::LostDevice))?;
+        // The rows may lie in another way; the pictures are the same.
+        self.layout = found.layout;
         let stream = Stream::start(node, self.options.buffers)
             .map_err(|error| lost(&self.name, "does not start to stream", error))?;
         self.stream = Some(stream);
@@ -160,8 +163,9 @@ impl Camera for V4l2Camera {
             Ok(None) => return Ok(Captured::Nothing),
             Err(error) => return Err(lost(name, "gives no more frames", error)),
         };
-        let time_ns = buffer.time_ns.unwrap_or_else(monotonic_now_ns);
-        let mark = Mark { sequence: buffer.sequence, time_ns };
+        let now_ns = monotonic_now_ns();
+        let time_ns = buffer.time_ns.unwrap_or(now_ns);
+        let mark = Mark { sequence: buffer.sequence, time_ns, age_ns: now_ns.saturating_sub(time_ns) };
         let bad = if buffer.is_faulty {
             Some(BadBuffer::Faulty)
         } else {
@@ -211,6 +215,16 @@ fn read(bytes: &[u8], pixel_format: PixelFormat, layout: &Layout, frame: &mut Fr
         Pixels::Radiance(_) => false,
     };
     (!is_whole).then_some(BadBuffer::Short)
+}
+
+/// Exposure in seconds; `None` where the driver does not tell or changes it by itself.
+fn exposure_s(node: &Node) -> Option<f64> {
+    let automatic = node.control(sys::V4L2_CID_EXPOSURE_AUTO, false);
+    if automatic.is_ok_and(|mode| mode != i64::from(sys::v4l2_exposure_auto_type_V4L2_EXPOSURE_MANUAL)) {
+        return None;
+    }
+    // Its unit is 100 microseconds by definition.
+    node.control(sys::V4L2_CID_EXPOSURE_ABSOLUTE, false).ok().map(|ticks| ticks as f64 * 1e-4)
 }
 
 /// What a camera was found or made to be.
@@ -298,6 +312,11 @@ fn set_format(node: &Node, options: &V4l2Options) -> Result<(PixelFormat, Layout
     {
         return Err(Error::usage(format!("frames of {width} x {height} pixels cannot be used")));
     }
+    if wanted.samples == Samples::Yuyv && !width.is_multiple_of(2) {
+        return Err(Error::usage(format!(
+            "YUYV frames {width} pixels wide cannot be used: give an even number"
+        )));
+    }
     let least = wanted.samples.row_bytes(width);
     let stride = found.bytesperline as usize;
     if stride != 0 && stride < least {
@@ -306,7 +325,15 @@ fn set_format(node: &Node, options: &V4l2Options) -> Result<(PixelFormat, Layout
     let is_full_range = found.quantization == sys::v4l2_quantization_V4L2_QUANTIZATION_FULL_RANGE
         || found.quantization == sys::v4l2_quantization_V4L2_QUANTIZATION_DEFAULT
             && found.colorspace == sys::v4l2_colorspace_V4L2_COLORSPACE_JPEG;
-    Ok((wanted, Layout { samples: wanted.samples, width, height, stride: stride.max(least), is_full_range }))
+    let layout = Layout { samples: wanted.samples, width, height, stride: stride.max(least), is_full_range };
+    if wanted.samples != Samples::Jpeg && (found.sizeimage as usize) < layout.least_bytes() {
+        return Err(Error::usage(format!(
+            "the driver says that frames of {width} x {height} have {} bytes; {} are needed",
+            found.sizeimage,
+            layout.least_bytes()
+        )));
+    }
+    Ok((wanted, layout))
 }
 
 /// Sets the rate if one is wanted; returns the driver's, 0 if it has none.
@@ -316,8 +343,10 @@ fn set_rate(node: &Node, wanted_hz: Option<f64>) -> Result<f64> {
         _ => 0.0,
     };
     let Some(wanted_hz) = wanted_hz else { return Ok(read(node)) };
-    // Whole and NTSC rates are exact in thousandths of a second and in units of 1001.
-    let (numerator, denominator) = if (wanted_hz - wanted_hz.round()).abs() < 1e-6 {
+    // Whole rates are exact, NTSC's in units of 1001, slow ones in thousandths of a second.
+    let (numerator, denominator) = if wanted_hz < 1.0 {
+        ((1000.0 / wanted_hz).round() as u32, 1000)
+    } else if (wanted_hz - wanted_hz.round()).abs() < 1e-6 {
         (1, wanted_hz.round() as u32)
     } else {
         (1001, (wanted_hz * 1001.0).round() as u32)

@@ -82,7 +82,13 @@ pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
     let mut controls = Vec::new();
     let mut id = 0;
     for _ in 0..CONTROLS_MAX {
-        let Some(found) = node.control_after(id)? else { break };
+        let found = match node.control_after(id) {
+            Ok(Some(found)) => found,
+            Ok(None) => break,
+            // Some cameras cannot describe one of their controls; those before it are as good as ever.
+            Err(_) if !controls.is_empty() => break,
+            Err(error) => return Err(error),
+        };
         id = found.id;
         let (kind, is_wide) = match found.type_ {
             sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER | sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_BITMASK => {
@@ -95,7 +101,8 @@ pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
             }
             _ => continue,
         };
-        if found.flags & sys::V4L2_CTRL_FLAG_DISABLED != 0 {
+        let is_array = found.flags & sys::V4L2_CTRL_FLAG_HAS_PAYLOAD != 0;
+        if is_array || found.flags & sys::V4L2_CTRL_FLAG_DISABLED != 0 {
             continue;
         }
         let is_integer_menu = found.type_ == sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER_MENU;
@@ -104,7 +111,7 @@ pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
             for index in found.minimum.max(0)..=found.maximum.min(found.minimum.max(0) + CONTROLS_MAX as i64)
             {
                 // It fits: a menu's numbers have 32 bits.
-                if let Some(name) = node.menu_item(found.id, index as u32, is_integer_menu)? {
+                if let Ok(Some(name)) = node.menu_item(found.id, index as u32, is_integer_menu) {
                     items.insert(index, name);
                 }
             }
@@ -205,8 +212,9 @@ fn named<'a>(controls: &'a [Control], name: &str) -> Result<&'a Control> {
     })
 }
 
-/// Sets controls and reads them back. Some can only be set after others (an exposure after the automatic one is
-/// off), in an order that is the driver's own: what is refused at first is tried once more after all others.
+/// Sets controls and reads them back. Some hold only when others were set before (an exposure, once the automatic one is
+/// off), in an order that is the driver's own, and drivers that refuse a value too early are fewer than those that forget
+/// it: so all are set twice.
 ///
 /// # Errors
 /// `Usage` for a name or value that the camera does not have, or a value that the driver changes to another;
@@ -221,15 +229,17 @@ pub(super) fn set(node: &Node, wanted: &BTreeMap<String, ControlValue>) -> Resul
         let control = named(&controls, name)?;
         settings.push((control, value, control.number(value)?));
     }
-    settings.retain(|(control, _, number)| node.set_control(control.id, *number).is_err());
-    for (control, value, number) in settings {
-        node.set_control(control.id, number).map_err(|error| {
+    for (control, _, number) in &settings {
+        // What is refused now may hold the second time.
+        let _ = node.set_control(control.id, *number);
+    }
+    for (control, value, number) in &settings {
+        node.set_control(control.id, *number).map_err(|error| {
             Error::usage(format!("control {}: the driver refuses {value}", control.name)).because(error)
         })?;
     }
-    for (name, value) in wanted {
-        let control = named(&controls, name)?;
-        let number = control.number(value)?;
+    for (control, _, number) in settings {
+        let name = &control.name;
         let found = read(node, control.id, control.is_wide, control.is_mask)
             .map_err(|error| lost(&format!("control {name} cannot be read back"), error))?;
         if found != number {

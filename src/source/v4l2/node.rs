@@ -175,17 +175,17 @@ impl Node {
         self.ioctl(vidioc::VIDIOC_S_EXT_CTRLS, &mut list)
     }
 
-    /// Waits for a buffer, an error or the end of `patience`; returns whether something came.
-    fn wait(&self, patience: Duration) -> io::Result<bool> {
+    /// Waits for a buffer, an error or the end of `patience`; returns what came, 0 for nothing.
+    fn wait(&self, patience: Duration) -> io::Result<libc::c_short> {
         let mut poll = libc::pollfd { fd: self.file.as_raw_fd(), events: libc::POLLIN, revents: 0 };
         let patience_ms = i32::try_from(patience.as_millis()).unwrap_or(i32::MAX);
         // SAFETY: one structure, as the count says.
         match unsafe { libc::poll(&raw mut poll, 1, patience_ms) } {
             -1 => match io::Error::last_os_error() {
-                error if error.kind() == io::ErrorKind::Interrupted => Ok(false),
+                error if error.kind() == io::ErrorKind::Interrupted => Ok(0),
                 error => Err(error),
             },
-            count => Ok(count > 0),
+            _ => Ok(poll.revents),
         }
     }
 }
@@ -250,8 +250,8 @@ pub(super) struct Stream {
     mappings: Vec<Mapping>,
 }
 
-/// A filled buffer; its bytes are ours until it is queued again.
-#[derive(Clone, Copy, Debug)]
+/// A filled buffer; its bytes are ours until it is queued again, which consumes it.
+#[derive(Debug)]
 pub(super) struct Buffer {
     index: u32,
     bytes_used: usize,
@@ -293,14 +293,17 @@ impl Stream {
 
     /// Waits at most `patience` for a filled buffer; `None`: there was none.
     pub(super) fn dequeue(&mut self, patience: Duration) -> io::Result<Option<Buffer>> {
-        if !self.node.wait(patience)? {
+        let events = self.node.wait(patience)?;
+        if events == 0 {
             return Ok(None);
         }
         let mut buffer = description(0);
         match self.node.ioctl(vidioc::VIDIOC_DQBUF, &mut buffer) {
             Ok(()) => {}
-            // Woken without a buffer: another error state than that of a lost device, or a wake-up for nothing.
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(None),
+            // Woken for nothing; but a stream that only says that it is in error would wake us without end.
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock && events & libc::POLLERR == 0 => {
+                return Ok(None);
+            }
             Err(error) => return Err(error),
         }
         if self.mappings.get(buffer.index as usize).is_none() {
@@ -390,8 +393,9 @@ impl Mapping {
     }
 
     fn bytes(&self) -> &[u8] {
-        // SAFETY: mapped in `new` and unmapped in `drop`; the driver does not write to a buffer that is dequeued, and
-        // only such are read.
+        // SAFETY: mapped in `new` and unmapped in `drop`; by V4L2's rules the driver does not write to a buffer that is
+        // dequeued, and only such are read. Readers check lengths only, so one that breaks the rule (v4l2loopback, when
+        // its writer is faster than the reader) gives a torn picture.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.length) }
     }
 }

@@ -14,6 +14,9 @@ pub(super) enum Samples {
     BigEndian,
     /// Four samples of 10 bits in five bytes: the upper eight bits of each, then the lower two of all (MIPI RAW10).
     Packed10,
+    /// Four samples of 14 bits in seven bytes: the upper eight bits of each, then the lower six of all, from the least
+    /// significant bit on (MIPI RAW14).
+    Packed14,
     /// Two samples of 12 bits in three bytes: the upper eight bits of each, then the lower four of both (MIPI RAW12).
     Packed12,
     /// Y0 Cb Y1 Cr for two pixels.
@@ -30,6 +33,7 @@ impl Samples {
             Self::LittleEndian | Self::BigEndian | Self::Yuyv => 2 * width,
             Self::Packed10 => (5 * width).div_ceil(4),
             Self::Packed12 => (3 * width).div_ceil(2),
+            Self::Packed14 => (7 * width).div_ceil(4),
             Self::Jpeg => 0,
         }
     }
@@ -48,65 +52,68 @@ pub(super) struct PixelFormat {
     pub(super) samples: Samples,
     /// Colours of a mosaic sensor's pixels.
     pub(super) bayer: Option<Bayer>,
-    /// Significant bits of a code.
-    pub(super) bits: u32,
 }
 
-const fn grey(fourcc: [u8; 4], samples: Samples, bits: u32) -> PixelFormat {
-    PixelFormat { fourcc, samples, bayer: None, bits }
+const fn plain(fourcc: [u8; 4], samples: Samples) -> PixelFormat {
+    PixelFormat { fourcc, samples, bayer: None }
 }
 
-const fn mosaic(fourcc: &[u8; 4], samples: Samples, bits: u32, bayer: Bayer) -> PixelFormat {
-    PixelFormat { fourcc: *fourcc, samples, bayer: Some(bayer), bits }
+const fn mosaic(fourcc: &[u8; 4], samples: Samples, bayer: Bayer) -> PixelFormat {
+    PixelFormat { fourcc: *fourcc, samples, bayer: Some(bayer) }
 }
 
 /// Bit 31 of a code says "most significant byte first".
 const BIG_ENDIAN: u8 = 0x80;
 
 use Bayer::{Bggr, Gbrg, Grbg, Rggb};
-use Samples::{BigEndian, Bytes, Jpeg, LittleEndian, Packed10, Packed12, Yuyv};
+use Samples::{BigEndian, Bytes, Jpeg, LittleEndian, Packed10, Packed12, Packed14, Yuyv};
 
 /// All of them; where a camera offers several and the user names none, the earlier one is taken.
 pub(super) const KNOWN: &[PixelFormat] = &[
-    grey(*b"Y16 ", LittleEndian, 16),
-    grey([b'Y', b'1', b'6', b' ' | BIG_ENDIAN], BigEndian, 16),
-    mosaic(b"RG16", LittleEndian, 16, Rggb),
-    mosaic(b"GR16", LittleEndian, 16, Grbg),
-    mosaic(b"GB16", LittleEndian, 16, Gbrg),
-    mosaic(b"BYR2", LittleEndian, 16, Bggr),
-    grey(*b"Y14 ", LittleEndian, 14),
-    mosaic(b"RG14", LittleEndian, 14, Rggb),
-    mosaic(b"GR14", LittleEndian, 14, Grbg),
-    mosaic(b"GB14", LittleEndian, 14, Gbrg),
-    mosaic(b"BG14", LittleEndian, 14, Bggr),
-    grey(*b"Y12 ", LittleEndian, 12),
-    grey(*b"Y12P", Packed12, 12),
-    mosaic(b"RG12", LittleEndian, 12, Rggb),
-    mosaic(b"BA12", LittleEndian, 12, Grbg),
-    mosaic(b"GB12", LittleEndian, 12, Gbrg),
-    mosaic(b"BG12", LittleEndian, 12, Bggr),
-    mosaic(b"pRCC", Packed12, 12, Rggb),
-    mosaic(b"pgCC", Packed12, 12, Grbg),
-    mosaic(b"pGCC", Packed12, 12, Gbrg),
-    mosaic(b"pBCC", Packed12, 12, Bggr),
-    grey(*b"Y10 ", LittleEndian, 10),
-    grey(*b"Y10P", Packed10, 10),
-    mosaic(b"RG10", LittleEndian, 10, Rggb),
-    mosaic(b"BA10", LittleEndian, 10, Grbg),
-    mosaic(b"GB10", LittleEndian, 10, Gbrg),
-    mosaic(b"BG10", LittleEndian, 10, Bggr),
-    mosaic(b"pRAA", Packed10, 10, Rggb),
-    mosaic(b"pgAA", Packed10, 10, Grbg),
-    mosaic(b"pGAA", Packed10, 10, Gbrg),
-    mosaic(b"pBAA", Packed10, 10, Bggr),
-    grey(*b"GREY", Bytes, 8),
-    mosaic(b"RGGB", Bytes, 8, Rggb),
-    mosaic(b"GRBG", Bytes, 8, Grbg),
-    mosaic(b"GBRG", Bytes, 8, Gbrg),
-    mosaic(b"BA81", Bytes, 8, Bggr),
-    grey(*b"YUYV", Yuyv, 8),
-    grey(*b"MJPG", Jpeg, 8),
-    grey(*b"JPEG", Jpeg, 8),
+    plain(*b"Y16 ", LittleEndian),
+    plain([b'Y', b'1', b'6', b' ' | BIG_ENDIAN], BigEndian),
+    mosaic(b"RG16", LittleEndian, Rggb),
+    mosaic(b"GR16", LittleEndian, Grbg),
+    mosaic(b"GB16", LittleEndian, Gbrg),
+    mosaic(b"BYR2", LittleEndian, Bggr),
+    plain(*b"Y14 ", LittleEndian),
+    mosaic(b"RG14", LittleEndian, Rggb),
+    mosaic(b"GR14", LittleEndian, Grbg),
+    mosaic(b"GB14", LittleEndian, Gbrg),
+    mosaic(b"BG14", LittleEndian, Bggr),
+    plain(*b"Y14P", Packed14),
+    mosaic(b"pREE", Packed14, Rggb),
+    mosaic(b"pgEE", Packed14, Grbg),
+    mosaic(b"pGEE", Packed14, Gbrg),
+    mosaic(b"pBEE", Packed14, Bggr),
+    plain(*b"Y12 ", LittleEndian),
+    plain(*b"Y12P", Packed12),
+    mosaic(b"RG12", LittleEndian, Rggb),
+    mosaic(b"BA12", LittleEndian, Grbg),
+    mosaic(b"GB12", LittleEndian, Gbrg),
+    mosaic(b"BG12", LittleEndian, Bggr),
+    mosaic(b"pRCC", Packed12, Rggb),
+    mosaic(b"pgCC", Packed12, Grbg),
+    mosaic(b"pGCC", Packed12, Gbrg),
+    mosaic(b"pBCC", Packed12, Bggr),
+    plain(*b"Y10 ", LittleEndian),
+    plain(*b"Y10P", Packed10),
+    mosaic(b"RG10", LittleEndian, Rggb),
+    mosaic(b"BA10", LittleEndian, Grbg),
+    mosaic(b"GB10", LittleEndian, Gbrg),
+    mosaic(b"BG10", LittleEndian, Bggr),
+    mosaic(b"pRAA", Packed10, Rggb),
+    mosaic(b"pgAA", Packed10, Grbg),
+    mosaic(b"pGAA", Packed10, Gbrg),
+    mosaic(b"pBAA", Packed10, Bggr),
+    plain(*b"GREY", Bytes),
+    mosaic(b"RGGB", Bytes, Rggb),
+    mosaic(b"GRBG", Bytes, Grbg),
+    mosaic(b"GBRG", Bytes, Gbrg),
+    mosaic(b"BA81", Bytes, Bggr),
+    plain(*b"YUYV", Yuyv),
+    plain(*b"MJPG", Jpeg),
+    plain(*b"JPEG", Jpeg),
 ];
 
 /// The format of a code; `None` for those that cannot be captured.

@@ -61,6 +61,16 @@ impl Layout {
                     }
                 }
             }
+            Samples::Packed14 => {
+                for (to, from) in to.chunks_mut(4).zip(from.chunks(7)) {
+                    // Within a row that ends in a group, the low bits follow the high bytes that are there.
+                    let (high, low) = from.split_at(to.len().min(from.len()));
+                    let bits = low.iter().rev().fold(0u32, |bits, &byte| bits << 8 | u32::from(byte));
+                    for (index, (to, &high)) in to.iter_mut().zip(high).enumerate() {
+                        *to = u16::from(high) << 6 | (bits >> (6 * index)) as u16 & 63;
+                    }
+                }
+            }
             Samples::Yuyv => {
                 for (to, from) in to.chunks_mut(6).zip(from.as_chunks::<4>().0) {
                     let [y0, cb, y1, cr] = *from;
@@ -130,6 +140,14 @@ mod tests {
         assert_eq!(unpack(Samples::Packed12, [4, 1, 6], &bytes), [0xabc, 0x124, 0xff0, 0x00f]);
         assert_eq!(unpack(Samples::Packed12, [2, 2, 3], &bytes), [0xabc, 0x124, 0xff0, 0x00f]);
         assert_eq!(unpack(Samples::Packed12, [3, 1, 5], &bytes[..5]), [0xabc, 0x124, 0xff0]);
+        // 14 bits: low parts 1, 2, 3 and 63 from the least significant bit on.
+        let low = 1 | 2 << 6 | 3 << 12 | 63 << 18_u32;
+        let [a, b, c, _] = u32::to_le_bytes(low);
+        let bytes = [0xff, 0x00, 0x80, 0x01, a, b, c];
+        assert_eq!(
+            unpack(Samples::Packed14, [4, 1, 7], &bytes),
+            [0xff << 6 | 1, 2, 0x80 << 6 | 3, 1 << 6 | 63]
+        );
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::*;
 use crate::image::Stamp;
 use crate::source::Mark;
+use crossbeam_channel::{Sender, bounded};
 use std::collections::VecDeque;
 
 /// What the scripted camera does next; times in milliseconds of the simulated clock.
@@ -16,6 +17,8 @@ enum Event {
     Frame(u32),
     /// A frame with this count comes and cannot be used.
     Bad(u32, BadBuffer),
+    /// A part of a frame comes.
+    Part,
     /// Nothing comes for so long.
     Silence(i64),
     /// The stream fails with an error of this kind.
@@ -46,7 +49,7 @@ impl Scripted {
 
     fn mark(&self, sequence: u32) -> Mark {
         self.pass(FRAME_MS);
-        Mark { sequence, time_ns: self.clock.now_ns() }
+        Mark { sequence, time_ns: self.clock.now_ns(), age_ns: 0 }
     }
 }
 
@@ -76,6 +79,7 @@ impl Camera for Scripted {
                 }
                 Ok(Captured::Nothing)
             }
+            Some(Event::Part) => Ok(Captured::Part),
             Some(Fails(kind)) => Err(fault(kind)),
             Some(Event::Shutdown) => {
                 self.shutdown.request();
@@ -94,6 +98,8 @@ const PATIENCE: Patience = Patience {
     silence: Duration::from_millis(1000),
     first_wait: Duration::from_millis(100),
     longest_wait: Duration::from_millis(500),
+    // One frame's time.
+    recovery: Duration::from_millis(40),
 };
 
 /// What came of a script.
@@ -107,7 +113,7 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// Counters in the order of their making: kernel, faulty, short, undecodable, out of order, away, restarts.
+    /// Counters in the order of their making: kernel, faulty, short, undecodable, incomplete, out of order, away, restarts.
     fn counts(&self) -> Vec<u64> {
         self.counters.iter().map(|counter| counter.1).collect()
     }
@@ -115,6 +121,10 @@ impl Outcome {
 
 /// Runs the stage until it ends or fails; a script that does not end by itself is ended.
 fn play(script: &[Event]) -> Outcome {
+    play_with(PATIENCE, script)
+}
+
+fn play_with(patience: Patience, script: &[Event]) -> Outcome {
     let (clock, shutdown, metrics) = (Clock::simulated(), Shutdown::new(), Metrics::new("source"));
     let camera = Scripted {
         script: script.iter().copied().chain([Event::Shutdown]).collect(),
@@ -123,7 +133,7 @@ fn play(script: &[Event]) -> Outcome {
         starts_ms: Vec::new(),
         stops: 0,
     };
-    let mut stage = Capture::new(camera, 25.0, PATIENCE, (&clock, &shutdown), &metrics);
+    let mut stage = Capture::new(camera, 25.0, patience, (&clock, &shutdown), &metrics);
     let mut frames = Vec::new();
     let mut frame = Frame::default();
     let end = loop {
@@ -162,7 +172,7 @@ fn what_the_kernel_drops_and_what_cannot_be_used_are_told_apart() {
         Picture(8),
     ]);
     assert_eq!(outcome.frames, [(0, 0), (3, 2), (7, 3), (8, 0)]);
-    assert_eq!(outcome.counts(), [2, 1, 1, 1, 1, 0, 0]);
+    assert_eq!(outcome.counts(), [2, 1, 1, 1, 0, 1, 0, 0]);
     assert_eq!(outcome.counters[0].0, "frames dropped by the kernel");
 }
 
@@ -172,7 +182,7 @@ fn a_lost_camera_is_started_at_once_and_the_gap_is_told() {
     assert_eq!(outcome.starts_ms, [0, FRAME_MS]);
     assert_eq!(outcome.stops, 1);
     assert_eq!(outcome.frames, [(0, 0), (1, 0), (2, 0)], "it came back within a frame's time");
-    assert_eq!(outcome.counts(), [0, 0, 0, 0, 0, 0, 1]);
+    assert_eq!(outcome.counts(), [0, 0, 0, 0, 0, 0, 0, 1]);
 }
 
 #[test]
@@ -184,7 +194,7 @@ fn attempts_that_fail_wait_longer_each_time_up_to_a_limit() {
     assert_eq!(outcome.starts_ms, [0, 40, 140, 340, 740, 1240, 1740]);
     // The frame at 1780 ms is 43.5 frame times after the one at 40 ms.
     assert_eq!(outcome.frames, [(0, 0), (44, 43)]);
-    assert_eq!(outcome.counts(), [0, 0, 0, 0, 0, 43, 1]);
+    assert_eq!(outcome.counts(), [0, 0, 0, 0, 0, 0, 43, 1]);
 }
 
 #[test]
@@ -213,7 +223,7 @@ fn a_stream_that_starts_and_gives_nothing_is_not_started_in_a_fury() {
     let silence = Silence(1000);
     let outcome = play(&[Starts, silence, Starts, silence, Starts, silence, Starts, Picture(0)]);
     assert_eq!(outcome.starts_ms, [0, 1100, 2300, 3700], "silence of 1 s, then 100, 200, 400 ms");
-    assert_eq!(outcome.counts(), [0, 0, 0, 0, 0, 0, 3]);
+    assert_eq!(outcome.counts(), [0, 0, 0, 0, 0, 0, 0, 3]);
     assert_eq!(outcome.frames, [(0, 0)]);
 }
 
@@ -237,9 +247,11 @@ fn errors_that_no_waiting_mends_end_the_stage() {
 
 #[test]
 fn a_request_to_end_interrupts_the_wait_for_a_lost_camera() {
-    struct Gone;
+    /// Says when it is asked to start, and never does.
+    struct Gone(Sender<()>);
     impl Camera for Gone {
         fn start(&mut self) -> Result<()> {
+            self.0.send(()).unwrap();
             Err(fault(Kind::LostDevice))
         }
         fn capture(&mut self, _: Duration, _: &mut Frame) -> Result<Captured> {
@@ -250,10 +262,30 @@ fn a_request_to_end_interrupts_the_wait_for_a_lost_camera() {
     let (clock, shutdown) = (Clock::real(), Shutdown::new());
     let century = Patience { first_wait: Duration::MAX, longest_wait: Duration::MAX, ..PATIENCE };
     let metrics = Metrics::new("source");
-    let mut stage = Capture::new(Gone, 25.0, century, (&clock, &shutdown), &metrics);
+    let (started, starts) = bounded(1);
+    let mut stage = Capture::new(Gone(started), 25.0, century, (&clock, &shutdown), &metrics);
     std::thread::scope(|scope| {
         let waiting = scope.spawn(|| stage.step(&Tick::default(), &mut Frame::default()));
+        starts.recv().unwrap();
         shutdown.request();
         assert_eq!(waiting.join().unwrap().unwrap(), Flow::End);
     });
+    assert_eq!(stage.attempts, 1, "it waited for the second");
+}
+
+#[test]
+fn a_camera_that_dies_after_every_frame_is_given_time() {
+    let lost = Fails(Kind::LostDevice);
+    // Frames come 40 ms after a start, which is well; at 39 ms it would be too early.
+    let script = [Starts, Picture(0), lost, Starts, Picture(0), lost, Starts, Picture(0)];
+    let patient = Patience { recovery: Duration::from_millis(41), ..PATIENCE };
+    assert_eq!(play_with(patient, &script).starts_ms, [0, 140, 380]);
+    assert_eq!(play(&script).starts_ms, [0, 40, 80]);
+}
+
+#[test]
+fn parts_of_a_frame_are_signs_of_life() {
+    let outcome =
+        play(&[Starts, Silence(900), Event::Part, Silence(900), Event::Part, Silence(900), Picture(0)]);
+    assert_eq!((outcome.starts_ms.len(), outcome.frames), (1, vec![(0, 0)]));
 }
