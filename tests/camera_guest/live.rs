@@ -190,7 +190,7 @@ impl Live {
     }
 
     /// Ends the service, and checks what is true of every run: it ends within `most`, without a panic, leaves no thread;
-    /// lists have rising numbers and times; what was lost was counted once and told to the filter.
+    /// lists have rising numbers and times; no frame was refused as bad; what was lost was counted once and told to the filter.
     #[track_caller]
     pub fn finish(self, most: Duration) -> (Ended, Result<()>) {
         let Self { service, summary, shutdown, lines, threads: before } = self;
@@ -206,6 +206,8 @@ impl Live {
             wait(Duration::from_millis(2));
         }
 
+        let refused: u64 = summary.stages().iter().map(|stage| stage.bad_frames.get()).sum();
+        assert_eq!(refused, 0, "frames were refused:\n{summary}");
         let text = lines.text();
         let stamps: Vec<_> = text.lines().map(stamp).collect();
         for pair in stamps.windows(2) {
