@@ -241,7 +241,7 @@ fn numbers_that_wrap_around_are_no_gap() {
     live.run_on(8);
     let ended = live.end();
     ended.has_no_restarts();
-    assert_eq!(ended.count(OUT_OF_ORDER), 0);
+    assert_eq!(ended.count(OUT_OF_ORDER), 0, "numbers ran back");
     let ((first, first_ns, _), (last, last_ns, _)) = (ended.stamps[0], *ended.stamps.last().unwrap());
     let frames = (last_ns - first_ns) as f64 * 1e-9 * RATE_HZ;
     assert!(frames > 140.0, "vivid wraps after 128 frames, these are {frames}");

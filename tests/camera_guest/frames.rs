@@ -25,8 +25,9 @@ fn words(layout: Layout, seed: u32, mask: u16) -> Vec<u8> {
 /// Codes up to `mask`.
 pub fn lamp(layout: Layout, number: u32, mask: u16) -> &'static [u8] {
     let mut bytes = words(layout, number, mask >> 3);
-    let side = layout.height / 8;
-    let (left, top) = (layout.width / 2 - 2 * side + (number * side / 2) % (3 * side), 3 * side);
+    let side = layout.height / 16;
+    let (left, top) =
+        (layout.width / 2 - 2 * side + (number * side / 2) % (3 * side), layout.height / 2 - side);
     for row in top..top + side {
         let start = (row * layout.stride + 2 * left) as usize;
         for code in bytes[start..start + 2 * side as usize].chunks_exact_mut(2) {

@@ -29,11 +29,11 @@ pub fn limit() -> Duration {
 /// interrupt.
 const PROMPT: Duration = Duration::from_millis(1500);
 
-/// A configuration with these keys of `[source]`, for a fisheye lens whose circle is half as wide as the shorter side (the
+/// A configuration with these keys of `[source]`, for a fisheye lens whose circle is a quarter as wide as the shorter side (the
 /// matrix of a wider one takes the emulator long), and codes up to `mask`.
 pub fn config(folder: &Path, source: &str, layout: Layout, mask: u16) -> Config {
     let Layout { width, height, .. } = layout;
-    let focal_length_px = f64::from(width.min(height)) / (2.0 * std::f64::consts::PI);
+    let focal_length_px = f64::from(width.min(height)) / (4.0 * std::f64::consts::PI);
     let calibration = serde_json::json!({
         "version": 1,
         "lens": {
@@ -190,7 +190,7 @@ impl Live {
     }
 
     /// Ends the service, and checks what is true of every run: it ends within `most`, without a panic, leaves no thread;
-    /// lists have rising numbers and times; what was lost was counted once and told to the filter.
+    /// lists have rising numbers and times; no frame was refused as bad; what was lost was counted once and told to the filter.
     #[track_caller]
     pub fn finish(self, most: Duration) -> (Ended, Result<()>) {
         let Self { service, summary, shutdown, lines, threads: before } = self;
@@ -206,6 +206,8 @@ impl Live {
             wait(Duration::from_millis(2));
         }
 
+        let refused: u64 = summary.stages().iter().map(|stage| stage.bad_frames.get()).sum();
+        assert_eq!(refused, 0, "frames were refused:\n{summary}");
         let text = lines.text();
         let stamps: Vec<_> = text.lines().map(stamp).collect();
         for pair in stamps.windows(2) {
