@@ -142,6 +142,7 @@ impl Stage for Camera {
             height: 480,
             channels: 1,
             bayer: self.bayer,
+            saturation: f32::INFINITY,
             pixels: Pixels::Codes((0..640 * 480).map(code).collect()),
         };
         Ok(Flow::Send)

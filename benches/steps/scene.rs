@@ -71,6 +71,7 @@ pub fn raw_frame(lens: &Lens, response: &Response, time: u64) -> Frame {
         height,
         channels: 1,
         bayer: None,
+        saturation: f32::INFINITY,
         pixels: Pixels::Codes(codes.collect()),
     }
 }

@@ -149,18 +149,29 @@ fn decode_codes_of_pairs_body<const PLACE: usize>(
 
 /// Radiance of pixels with `channels` interleaved channels to planes, without what is no radiance.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
-pub(super) fn decode_radiance(samples: &[f32], channels: usize, planes: &mut [f32]) -> PixelCounts {
+pub(super) fn decode_radiance(
+    samples: &[f32],
+    channels: usize,
+    saturation: f32,
+    planes: &mut [f32],
+) -> PixelCounts {
     match channels {
-        1 => decode_radiance_body::<1>(samples, planes),
-        _ => decode_radiance_body::<3>(samples, planes),
+        1 => decode_radiance_body::<1>(samples, saturation, planes),
+        _ => decode_radiance_body::<3>(samples, saturation, planes),
     }
 }
 
 #[inline(always)]
-fn decode_radiance_body<const CHANNELS: usize>(samples: &[f32], planes: &mut [f32]) -> PixelCounts {
+fn decode_radiance_body<const CHANNELS: usize>(
+    samples: &[f32],
+    saturation: f32,
+    planes: &mut [f32],
+) -> PixelCounts {
     let pixels = samples.as_chunks::<CHANNELS>().0;
-    let (mut nan, mut infinite, mut negative) = (0u32, 0u32, 0u32);
+    let (mut saturated, mut nan, mut infinite, mut negative) = (0u32, 0u32, 0u32, 0u32);
     for pixel in pixels {
+        let is_saturated = |value: f32| value >= saturation && value < f32::INFINITY;
+        saturated += u32::from(pixel.iter().fold(false, |any, &value| any | is_saturated(value)));
         nan += u32::from(pixel.iter().fold(false, |any, value| any | value.is_nan()));
         infinite += u32::from(pixel.iter().fold(false, |any, &value| any | (value == f32::INFINITY)));
         // Minus infinity is below zero.
@@ -174,6 +185,7 @@ fn decode_radiance_body<const CHANNELS: usize>(samples: &[f32], planes: &mut [f3
         }
     }
     PixelCounts {
+        saturated: saturated.into(),
         nan: nan.into(),
         infinite: infinite.into(),
         negative: negative.into(),
@@ -249,13 +261,13 @@ mod tests {
             };
             assert_eq!((counts, &chosen), (expected, &plain));
             assert!(counts.saturated > 0 && counts.black_clipped > 0);
-            let counts = decode_radiance(&samples, channels, &mut chosen);
+            let counts = decode_radiance(&samples, channels, 0.9, &mut chosen);
             let expected = match channels {
-                1 => decode_radiance_body::<1>(&samples, &mut plain),
-                _ => decode_radiance_body::<3>(&samples, &mut plain),
+                1 => decode_radiance_body::<1>(&samples, 0.9, &mut plain),
+                _ => decode_radiance_body::<3>(&samples, 0.9, &mut plain),
             };
             assert_eq!((counts, &chosen), (expected, &plain));
-            assert!(counts.nan > 0 && counts.infinite > 0 && counts.negative > 0);
+            assert!(counts.nan > 0 && counts.infinite > 0 && counts.negative > 0 && counts.saturated > 0);
         }
 
         let (pairs, _) = codes.as_chunks::<2>();
@@ -288,8 +300,10 @@ mod tests {
         assert_eq!((counts.saturated, counts.black_clipped), (2, 1));
         assert_eq!(seen(&planes), [[100.0, 100.0, 50.0], [100.0, 0.0, 50.0], [5.0, 0.0, 50.0]]);
         let samples = [f32::NAN, f32::NAN, -1.0, 1.0, f32::INFINITY, f32::NEG_INFINITY, 1.0, 2.0, 3.0];
-        let counts = decode_radiance(&samples, 3, &mut planes);
-        assert_eq!((counts.nan, counts.infinite, counts.negative), (1, 1, 2));
+        let counts = decode_radiance(&samples, 3, 3.0, &mut planes);
+        assert_eq!((counts.nan, counts.infinite, counts.negative, counts.saturated), (1, 1, 2, 1));
+        let counts = decode_radiance(&samples, 3, f32::INFINITY, &mut planes);
+        assert_eq!(counts.saturated, 0, "none is known");
         assert_eq!(seen(&planes), [[0.0, 1.0, 1.0], [0.0, 0.0, 2.0], [0.0, 0.0, 3.0]]);
     }
 }

@@ -81,7 +81,7 @@ pub(super) fn logarithmic() -> Response {
 
 pub(super) fn frame(width: usize, height: usize, channels: usize, pixels: Pixels) -> Frame {
     let stamp = Stamp { sequence: 5, capture_time_ns: 7, lost_before: 1, frame_rate_hz: 25.0 };
-    Frame { stamp, width, height, channels, bayer: None, pixels }
+    Frame { stamp, width, height, channels, pixels, ..Frame::default() }
 }
 
 pub(super) fn raw(width: usize, height: usize, response: &Response, radiance: f32) -> Frame {

@@ -236,7 +236,8 @@ impl ExposureMerge {
         self.is_added.fill(false);
     }
 
-    /// Writes the merged frame: radiance at an exposure of 1 s, finite and not negative, in the unit of the response.
+    /// Writes the merged frame: radiance at an exposure of 1 s, finite and not negative, in the unit of the response. What
+    /// was saturated in the shortest exposure has the frame's `saturation`.
     /// The buffer is reused when it fits; the stamp is left as it is. The next `add` begins a new cycle.
     ///
     /// # Errors
@@ -252,6 +253,7 @@ impl ExposureMerge {
         self.restart();
         (frame.width, frame.height, frame.channels) = self.shape;
         frame.bayer = None;
+        frame.saturation = self.fallbacks[self.exposures.len()];
         let mut values = match std::mem::replace(&mut frame.pixels, Pixels::Radiance(Vec::new())) {
             Pixels::Radiance(values) => values,
             Pixels::Codes(_) => Vec::new(),

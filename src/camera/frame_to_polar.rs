@@ -139,10 +139,10 @@ impl FrameToPolar {
                 let (planes, _) = self.radiance.as_chunks_mut::<PLANE>();
                 (mosaic.add(codes, lookup, &mut planes[0], &mut self.sums), 3)
             }
-            (Weights::Whole(matrix), pixels) => {
+            (Weights::Whole(matrix), _) => {
                 let sums = &mut self.sums[..frame.channels * self.shape.len()];
                 sums.fill(0.0);
-                (add_whole(matrix, pixels, frame.channels, lookup, &mut self.radiance, sums), frame.channels)
+                (add_whole(matrix, frame, lookup, &mut self.radiance, sums), frame.channels)
             }
             (Weights::Mosaic(_), Pixels::Radiance(_)) => {
                 return Err(Error::bad_frame(
@@ -241,12 +241,12 @@ impl FrameToPolar {
 /// Adds a frame whose pixels have all channels to the sums, one plane per channel.
 fn add_whole(
     matrix: &AreaMatrix,
-    pixels: &Pixels,
-    channels: usize,
+    frame: &Frame,
     lookup: (&[f32], u16),
     radiance: &mut [f32],
     sums: &mut [f64],
 ) -> PixelCounts {
+    let channels = frame.channels;
     let cells = sums.len() / channels;
     let mut counts = PixelCounts::default();
     for band in 0..matrix.band_count() {
@@ -254,9 +254,11 @@ fn add_whole(
         for span in matrix.spans(band) {
             let samples = span.start * channels..span.end * channels;
             let planes = &mut radiance[span.start - first_pixel..];
-            counts.add(&match pixels {
+            counts.add(&match &frame.pixels {
                 Pixels::Codes(codes) => decode_codes(&codes[samples], channels, lookup, planes),
-                Pixels::Radiance(values) => decode_radiance(&values[samples], channels, planes),
+                Pixels::Radiance(values) => {
+                    decode_radiance(&values[samples], channels, frame.saturation, planes)
+                }
             });
         }
         let (planes, _) = radiance.as_chunks::<PLANE>();

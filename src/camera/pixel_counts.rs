@@ -3,7 +3,7 @@
 /// are always black and would drown the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PixelCounts {
-    /// At or above the saturation code: brighter than the sensor can tell.
+    /// At or above the saturation code, or the frame's saturation: brighter than the sensor can tell.
     pub saturated: u64,
     /// At or below the black-clip code.
     pub black_clipped: u64,

@@ -95,7 +95,7 @@ pub(super) fn guarded<T>(frame: &mut Frame, decode: impl FnOnce(&mut Frame) -> R
 }
 
 fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
-    frame.bayer = None;
+    (frame.bayer, frame.saturation) = (None, f32::INFINITY);
     let open = || -> std::io::Result<(BufReader<File>, u64)> {
         let file = File::open(path)?;
         let bytes = file.metadata()?.len();

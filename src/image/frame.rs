@@ -70,6 +70,9 @@ pub struct Frame {
     pub channels: usize,
     /// Colours of the pixels of a mosaic sensor, whose frames have 1 channel; `None` for all others.
     pub bayer: Option<Bayer>,
+    /// Radiance from which a sample is known to be too low, because its sensor was saturated; infinite where none is, and
+    /// without meaning for codes, whose response tells.
+    pub saturation: f32,
     /// `width * height * channels` samples.
     pub pixels: Pixels,
 }
@@ -77,9 +80,9 @@ pub struct Frame {
 impl Frame {
     /// Becomes a copy of `other`; allocates only when it has not held as much before.
     pub fn copy_from(&mut self, other: &Self) {
-        let Self { stamp, width, height, channels, bayer, pixels } = other;
-        (self.stamp, self.width, self.height, self.channels, self.bayer) =
-            (*stamp, *width, *height, *channels, *bayer);
+        let Self { stamp, width, height, channels, bayer, saturation, pixels } = other;
+        (self.stamp, self.width, self.height, self.channels, self.bayer, self.saturation) =
+            (*stamp, *width, *height, *channels, *bayer, *saturation);
         match (&mut self.pixels, pixels) {
             (Pixels::Codes(to), Pixels::Codes(from)) => to.clone_from(from),
             (Pixels::Radiance(to), Pixels::Radiance(from)) => to.clone_from(from),
@@ -97,6 +100,7 @@ impl Default for Frame {
             height: 0,
             channels: 1,
             bayer: None,
+            saturation: f32::INFINITY,
             pixels: Pixels::Codes(Vec::new()),
         }
     }

@@ -66,7 +66,7 @@ pub struct Bracket<C> {
     last: Option<(u32, u32)>,
     /// Time of the first frame of the round under way.
     first_ns: i64,
-    counters: [Counter; 3],
+    counters: [Counter; 2],
 }
 
 impl<C: ExposureControl> Bracket<C> {
@@ -101,12 +101,8 @@ impl<C: ExposureControl> Bracket<C> {
             least_age_ns: i64::MAX,
             last: None,
             first_ns: 0,
-            counters: [
-                "pixels saturated in the shortest exposure",
-                "pixels black in the longest exposure",
-                "pixels between two exposures",
-            ]
-            .map(|name| metrics.counter(name)),
+            counters: ["pixels black in the longest exposure", "pixels between two exposures"]
+                .map(|name| metrics.counter(name)),
         })
     }
 
@@ -139,9 +135,8 @@ impl<C: ExposureControl> Bracket<C> {
             return Ok(Captured::Part);
         }
         let counts = self.merge.finish(frame)?;
-        for (counter, count) in
-            self.counters.iter().zip([counts.saturated, counts.black_clipped, counts.between])
-        {
+        // Saturated pixels are those of the frame's own limit, and counted where it becomes a map.
+        for (counter, count) in self.counters.iter().zip([counts.black_clipped, counts.between]) {
             counter.add(count);
         }
         let middle_ns = self.first_ns.midpoint(mark.time_ns);

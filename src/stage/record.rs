@@ -114,14 +114,15 @@ struct Sidecar {
     frames_written: u64,
     /// Frames between the first and the last that are not in the recording: lost by the camera, or by a slow disk.
     frames_missing: u64,
-    /// Whether the recording was ended in order; false while it runs, and for good when its program was killed.
+    /// Whether the recording was ended in order; false while it runs, and for good when its program was killed. A disk
+    /// without any room for this file leaves the counts of its first frame.
     is_complete: bool,
 }
 
 impl Sidecar {
     /// Counts a frame that was written.
     fn add(&mut self, frame: &Frame, is_half: bool) {
-        let Frame { stamp, width, height, channels, bayer, pixels } = frame;
+        let Frame { stamp, width, height, channels, bayer, pixels, .. } = frame;
         (self.size, self.channels, self.bayer) = ([*width, *height], *channels, *bayer);
         self.samples = match pixels {
             Pixels::Codes(_) => "codes",
@@ -269,7 +270,8 @@ fn decode(frame: &Frame, table: &[f32], to: &mut Frame) -> u64 {
         }
         Pixels::Radiance(radiance) => values.extend(radiance.iter().map(|&radiance| cut(radiance))),
     }
-    *to = Frame { stamp, width, height, channels, bayer, pixels: Pixels::Radiance(values) };
+    *to =
+        Frame { stamp, width, height, channels, bayer, pixels: Pixels::Radiance(values), ..Frame::default() };
     beyond
 }
 

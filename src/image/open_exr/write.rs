@@ -188,7 +188,15 @@ mod tests {
             Stamp { capture_time_ns: -12_345_678_901_234_567, frame_rate_hz: 59.94, ..Stamp::default() };
         for (channels, bayer) in [(1, None), (1, Some(Bayer::Gbrg)), (3, None)] {
             let codes = (0..16 * 40 * channels).map(|n| (n * 7919 % 65_536) as u16).collect();
-            let frame = Frame { stamp, width: 16, height: 40, channels, bayer, pixels: Pixels::Codes(codes) };
+            let frame = Frame {
+                stamp,
+                width: 16,
+                height: 40,
+                channels,
+                bayer,
+                pixels: Pixels::Codes(codes),
+                ..Frame::default()
+            };
             write_recorded_exr(&path, &frame, true, Some(0.01), Some("{\"fx\": 1}")).unwrap();
             let mut read_back = Frame { stamp, ..Frame::default() };
             let attributes = read(&path, &mut read_back).unwrap();

@@ -11,7 +11,7 @@ fn frame(sequence: u64) -> Frame {
         frame_rate_hz: 25.0,
     };
     let codes = (0..12).map(|pixel| 100 * pixel + sequence as u16).collect();
-    Frame { stamp, width: 4, height: 3, channels: 1, bayer: None, pixels: Pixels::Codes(codes) }
+    Frame { stamp, width: 4, height: 3, pixels: Pixels::Codes(codes), ..Frame::default() }
 }
 
 fn recording() -> Recording {
