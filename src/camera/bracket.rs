@@ -54,8 +54,8 @@ pub struct BracketFit {
     pub codes_seen: (f64, f64),
     /// For every picture the RMS deviation of its samples from the radiances of all, in stops.
     pub misfit_stops: Vec<f64>,
-    /// For every picture its exposure time as it follows from the pictures, with the times of all others given; empty
-    /// for two pictures, where nothing would be left to compare with.
+    /// For every picture its exposure time as it follows from the pictures, with the times of all others given, 0 where
+    /// they do not tell; empty for two pictures, where nothing would be left to compare with.
     pub recovered_s: Vec<f64>,
 }
 
@@ -105,10 +105,9 @@ pub fn fit_bracket(samples: &BracketSamples, times_s: &[f64], limits: &CodeLimit
         (0..times_s.len())
             .map(|free| {
                 let start = Curve::new(black, saturation, degree);
-                solve(&places, start, &log_times, Some(free))
-                    .map_or(f64::NAN, |with| with.free_log_time.exp())
+                let found = solve(&places, start, &log_times, Some(free));
+                found.map(|with| with.free_log_time.exp()).filter(|time| time.is_finite()).unwrap_or(0.0)
             })
-            .map(|time| if time.is_finite() { time } else { 0.0 })
             .collect()
     };
     Ok(BracketFit {
