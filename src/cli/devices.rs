@@ -76,17 +76,6 @@ fn size(size: &Size) -> String {
 }
 
 fn control(control: &Control) -> String {
-    let possible = match control.kind {
-        ControlKind::Switch => "true or false".to_owned(),
-        ControlKind::Menu => {
-            let items: Vec<String> = control.items.values().map(|item| format!("\"{item}\"")).collect();
-            items.join(", ")
-        }
-        ControlKind::Integer => {
-            let step = if control.step > 1 { format!(" by {}", control.step) } else { String::new() };
-            format!("{} to {}{step}", control.minimum, control.maximum)
-        }
-    };
     let value = control.value.map_or("not told".to_owned(), |value| match control.kind {
         ControlKind::Menu => {
             control.items.get(&value).map_or(value.to_string(), |item| format!("\"{item}\""))
@@ -95,5 +84,5 @@ fn control(control: &Control) -> String {
         ControlKind::Integer => value.to_string(),
     });
     let fixed = if control.is_read_only { ", cannot be set" } else { "" };
-    format!("{} = {value} ({possible}; default {}{fixed})", control.name, control.default)
+    format!("{} = {value} ({}; default {}{fixed})", control.name, control.possible(), control.default)
 }

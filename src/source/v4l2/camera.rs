@@ -43,6 +43,9 @@ impl Default for V4l2Options {
     }
 }
 
+/// Drivers take the nearest rate that they have; 1 % is below what the filter's bands can tell apart.
+const RATE_TOLERANCE: f64 = 0.01;
+
 /// A V4L2 camera.
 #[derive(Debug)]
 pub struct V4l2Camera {
@@ -147,6 +150,13 @@ impl Camera for V4l2Camera {
         // It was all of this when it was opened: a camera that is not now is not ready, and asked again later.
         let (node, found) = set_up(&identity, &self.options)
             .map_err(|error| error.at(&self.name).with_kind(Kind::LostDevice))?;
+        // The filter's taps are made for one rate; the next attempt may find the camera as it was.
+        if (found.frame_rate_hz - self.frame_rate_hz).abs() > RATE_TOLERANCE * self.frame_rate_hz {
+            return Err(Error::lost_device(format!(
+                "camera {}: came back at {} Hz and not at {}; write frame_rate_hz into the configuration",
+                self.name, found.frame_rate_hz, self.frame_rate_hz
+            )));
+        }
         // The rows may lie in another way; the pictures are the same.
         self.layout = found.layout;
         let stream = Stream::start(node, self.options.buffers)
@@ -356,8 +366,7 @@ fn set_rate(node: &Node, wanted_hz: Option<f64>) -> Result<f64> {
             .because(error)
     })?;
     let found_hz = read(node);
-    // Drivers take the nearest rate that they have; 1 % is below what the filter's bands can tell apart.
-    if (found_hz - wanted_hz).abs() > 0.01 * wanted_hz {
+    if (found_hz - wanted_hz).abs() > RATE_TOLERANCE * wanted_hz {
         return Err(Error::usage(format!(
             "frame_rate_hz = {wanted_hz} was made {found_hz} by the driver; `lightcast devices` lists the rates"
         )));

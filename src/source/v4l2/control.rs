@@ -181,7 +181,13 @@ impl Control {
     }
 
     fn refused(&self, value: &ControlValue) -> Error {
-        let possible = match self.kind {
+        let possible = self.possible();
+        Error::usage(format!("control {}: {value} is not possible; give {possible}", self.name))
+    }
+
+    /// What it can be set to, for people.
+    pub fn possible(&self) -> String {
+        match self.kind {
             ControlKind::Switch => "true or false".to_owned(),
             ControlKind::Menu => {
                 let items: Vec<String> = self.items.values().map(|name| format!("\"{name}\"")).collect();
@@ -191,8 +197,7 @@ impl Control {
                 format!("{} to {} in steps of {}", self.minimum, self.maximum, self.step)
             }
             ControlKind::Integer => format!("{} to {}", self.minimum, self.maximum),
-        };
-        Error::usage(format!("control {}: {value} is not possible; give {possible}", self.name))
+        }
     }
 }
 
