@@ -23,3 +23,4 @@ pub mod stage;
 pub mod temporal;
 #[cfg(feature = "render")]
 pub mod window;
+pub mod wire;

@@ -13,6 +13,8 @@ const LINE_MAX_BYTES: u64 = 1 << 23;
 const LENGTH_TOLERANCE: f32 = 1e-3;
 /// Sums of the most lights of so much still are numbers.
 const MOST_IRRADIANCE: f32 = 1e30;
+/// More than the sum of the most lights of the most irradiance.
+const MOST_POWER: f64 = 1e36;
 
 /// Light lists from a file of JSON lines, as [`LightList::write_json_line`] writes them.
 pub struct ListFile {
@@ -30,6 +32,7 @@ struct Message {
     stamp: Stamp,
     #[serde(default)]
     filter_delay_frames: u32,
+    power: Option<[f64; 3]>,
     #[serde(default)]
     error: f32,
     #[serde(default)]
@@ -46,12 +49,10 @@ impl ListFile {
         Ok(Self { path: path.to_owned(), reader: BufReader::new(file), line_number: 0, line: Vec::new() })
     }
 
-    /// Reads the next list into `list`; false at the end of the file. Empty lines are passed over. The power is that
-    /// of the lights that were read.
+    /// Reads the next list into `list`; false at the end of the file. Empty lines are passed over.
     ///
     /// # Errors
-    /// With file, line and column: no JSON, a key that is missing, another version; with the number of the light:
-    /// directions that are no unit vectors, irradiances that are negative, not finite or above 1e30.
+    /// With file and line, those of [`LightList::read_json`].
     pub fn read(&mut self, list: &mut LightList) -> Result<bool> {
         loop {
             self.line.clear();
@@ -69,7 +70,7 @@ impl ListFile {
             let parsed = if length as u64 > LINE_MAX_BYTES {
                 Err(Error::failed(format!("is longer than {LINE_MAX_BYTES} bytes: no light list is")))
             } else {
-                parse(self.line.trim_ascii(), list)
+                list.read_json(self.line.trim_ascii())
             };
             return parsed.map(|()| true).map_err(|error| {
                 error.at(format_args!("line {}", self.line_number)).at(self.path.display())
@@ -78,39 +79,53 @@ impl ListFile {
     }
 }
 
-fn parse(line: &[u8], list: &mut LightList) -> Result<()> {
-    let message: Message = serde_json::from_slice(line)
-        .map_err(|error| Error::failed("is no light list, one JSON object").because(error))?;
-    let Message { version, stamp, filter_delay_frames, error, prefix_errors, lights } = message;
-    if version != 1 {
-        return Err(Error::failed(format!("is of version {version}; this program reads version 1")));
+impl LightList {
+    /// Becomes what a JSON object says, as [`LightList::write_json_line`] writes it; keys that are unknown are passed
+    /// over. Without a `power` that of the lights is taken.
+    ///
+    /// # Errors
+    /// With the column: no JSON, a key that is missing, another version; with the number of the light: directions that
+    /// are no unit vectors, irradiances that are negative, not finite or above 1e30.
+    pub fn read_json(&mut self, text: &[u8]) -> Result<()> {
+        let message: Message = serde_json::from_slice(text)
+            .map_err(|error| Error::failed("is no light list, one JSON object").because(error))?;
+        let Message { version, stamp, filter_delay_frames, power, error, prefix_errors, lights } = message;
+        if version != 1 {
+            return Err(Error::failed(format!("is of version {version}; this program reads version 1")));
+        }
+        if lights.len() > MAX_LIGHTS {
+            return Err(Error::failed(format!(
+                "holds {} lights; at most {MAX_LIGHTS} are read",
+                lights.len()
+            )));
+        }
+        for (number, light) in lights.iter().enumerate() {
+            let length = light.direction.iter().map(|v| v * v).sum::<f32>().sqrt();
+            let fault = if length.is_nan() || (length - 1.0).abs() > LENGTH_TOLERANCE {
+                "direction is no unit vector"
+            } else if !light.irradiance.iter().all(|v| (0.0..=MOST_IRRADIANCE).contains(v)) {
+                "irradiance is not from 0 to 1e30"
+            } else if !(0.0..=std::f32::consts::PI).contains(&light.spread_rad) {
+                "spread_rad is no angle from 0 to pi"
+            } else {
+                continue;
+            };
+            return Err(Error::failed(format!("light {number} (id {}): its {fault}", light.id)));
+        }
+        if power.is_some_and(|power| !power.iter().all(|v| (0.0..=MOST_POWER).contains(v))) {
+            return Err(Error::failed("its power is not from 0 to 1e36"));
+        }
+        let mut ids: Vec<u32> = lights.iter().map(|light| light.id).collect();
+        ids.sort_unstable();
+        if let Some(pair) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(Error::failed(format!("two lights have the id {}", pair[0])));
+        }
+        (self.stamp, self.filter_delay_frames, self.error) = (stamp, filter_delay_frames, error);
+        (self.prefix_errors, self.lights) = (prefix_errors, lights);
+        self.reference_irradiance.clear();
+        self.power = power.unwrap_or_else(|| self.sum_of_lights());
+        Ok(())
     }
-    if lights.len() > MAX_LIGHTS {
-        return Err(Error::failed(format!("holds {} lights; at most {MAX_LIGHTS} are read", lights.len())));
-    }
-    for (number, light) in lights.iter().enumerate() {
-        let length = light.direction.iter().map(|v| v * v).sum::<f32>().sqrt();
-        let fault = if length.is_nan() || (length - 1.0).abs() > LENGTH_TOLERANCE {
-            "direction is no unit vector"
-        } else if !light.irradiance.iter().all(|v| (0.0..=MOST_IRRADIANCE).contains(v)) {
-            "irradiance is not from 0 to 1e30"
-        } else if !(0.0..=std::f32::consts::PI).contains(&light.spread_rad) {
-            "spread_rad is no angle from 0 to pi"
-        } else {
-            continue;
-        };
-        return Err(Error::failed(format!("light {number} (id {}): its {fault}", light.id)));
-    }
-    let mut ids: Vec<u32> = lights.iter().map(|light| light.id).collect();
-    ids.sort_unstable();
-    if let Some(pair) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(Error::failed(format!("two lights have the id {}", pair[0])));
-    }
-    (list.stamp, list.filter_delay_frames, list.error) = (stamp, filter_delay_frames, error);
-    (list.prefix_errors, list.lights) = (prefix_errors, lights);
-    list.reference_irradiance.clear();
-    list.power = list.sum_of_lights();
-    Ok(())
 }
 
 #[cfg(test)]

@@ -1,0 +1,1 @@
+//! Numbers in 16 bits.
