@@ -1,10 +1,8 @@
-//! Lists as JSON: what [`LightList::write_json_line`] writes, without the line's end and with one key more at the end,
+//! Lists as JSON: what [`LightList::write_json_line`](crate::light::LightList::write_json_line) writes, without the line's end and with one key more at the end,
 //! `"stream":{...}`, a [`Delivery`]. A program that knows lists and no streams reads it as a list.
 
 use super::{Delivery, MESSAGE_MAX_BYTES, Message};
 use crate::error::{Error, Result};
-use crate::light::LightList;
-use serde::Deserialize;
 
 /// Puts a message together from the JSON object of its list and the rest, into `message`.
 ///
@@ -20,18 +18,14 @@ pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
 /// Takes a message apart.
 ///
 /// # Errors
-/// Those of [`LightList::read_json`]; a `stream` that is missing or wrong; more than [`MESSAGE_MAX_BYTES`].
+/// Those of [`LightList::read_json`](crate::light::LightList::read_json); a `stream` that is missing or wrong; more than [`MESSAGE_MAX_BYTES`].
 pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
-    #[derive(Deserialize)]
-    struct Tail {
-        stream: Delivery,
-    }
     if bytes.len() > MESSAGE_MAX_BYTES {
         return Err(Error::failed(format!("has more than {MESSAGE_MAX_BYTES} bytes: no list has")));
     }
-    let tail: Tail = serde_json::from_slice(bytes)
-        .map_err(|error| Error::failed("is no message with a light list").because(error))?;
-    message.list.read_json(bytes)?;
-    message.delivery = tail.stream;
+    match message.list.read_json_with(bytes)? {
+        Some(delivery) => message.delivery = delivery,
+        None => return Err(Error::failed("has no key `stream`: it is a list, but no message")),
+    }
     Ok(())
 }
