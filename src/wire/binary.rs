@@ -28,7 +28,7 @@ const MAX_PREFIX_ERRORS: usize = 64;
 
 /// The part of a message that all clients of a list share: every byte from 48 on.
 ///
-/// What is no sound number is sent as the nearest that is: NaN, infinity and what is negative as 0, irradiances above
+/// Numbers that cannot be sent are replaced: NaN, infinity and what is negative as 0, irradiances above
 /// 1e30 and powers above 1e36 as these, spreads above pi as pi; a direction that is none is sent as +Y. What this gives,
 /// [`decode`] takes.
 ///

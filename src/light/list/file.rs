@@ -205,12 +205,13 @@ mod tests {
             (format!("{{\"version\":1,{stamp}}}"), "missing field `lights`"),
             (one(&sound.replace("0,1,0", "0,1.1,0")), "light 0 (id 1): its direction is no unit vector"),
             (one(&sound.replace("1,1,1", "1,-1,1")), "its irradiance is not from 0"),
-            (one(&sound.replace("1,1,1", "1,1e39,1")), "its irradiance is not from 0 to 1e30"),
+            (one(&sound.replace("1,1,1", "1,1e31,1")), "its irradiance is not from 0 to 1e30"),
+            (one(&sound.replace("1,1,1", "1,1e39,1")), "number out of range at line 1 column 141"),
             (one(&sound.replace("rad\":0", "rad\":4")), "its spread_rad is no angle"),
             (one("").replace('{', "{\"error\":-1,"), "its error, or that of a prefix, is not"),
             (
-                one("").replace('{', "{\"prefix_errors\":[[1,1e39]],"),
-                "its error, or that of a prefix, is not",
+                one("").replace('{', "{\"prefix_errors\":[[1,-1]],"),
+                "its error, or that of a prefix, is not from 0",
             ),
             (one(&format!("{sound},{sound}")), "two lights have the id 1"),
         ] {
