@@ -1,6 +1,6 @@
 mod file;
 
-pub use file::ListFile;
+pub use file::{ListFile, MOST_IRRADIANCE, MOST_POWER};
 
 use crate::image::{Stamp, luminance};
 use serde::{Deserialize, Serialize};
