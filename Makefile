@@ -4,6 +4,8 @@
 # make test-camera-broken  shows that each of these checks fails when the product is broken in a copy of the tree
 # make fuzz      ten million damaged messages for every decoder of the protocol together; part of make test with fewer
 # make soak      ten minutes of a raw camera of 1024 x 1024 at 60 frames per second, recorded too
+# make soak-clients  an hour of clients that come and go: memory, file handles and threads of the service
+# make load      a thousand clients at 25 lists per second: age of the lists, processor time, memory
 # make bench     speed of every step, as a table with the published figures beside it
 # make tables    error of the lights on the real maps, as tables
 # make pictures  error of rendered pictures against the number of lights, as tables and as the plot in replay/pictures
@@ -51,6 +53,12 @@ fuzz: system-packages
 soak: system-packages
 	rm -rf target/soak
 	cargo bench $(CARGO_FLAGS) --bench soak -- 600 target/soak
+
+soak-clients: system-packages
+	LIGHTCAST_SOAK_S=3600 cargo test $(CARGO_FLAGS) --test serve -- --nocapture clients_that_come_and_go
+
+load: system-packages
+	cargo bench $(CARGO_FLAGS) --bench load
 
 bench: system-packages
 	cargo bench $(CARGO_FLAGS) --bench steps

@@ -19,6 +19,7 @@ mod run;
 mod signals;
 mod synthesize;
 mod systemd;
+mod watch;
 
 use crate::error::{Error, Kind};
 use clap::{Parser, Subcommand};
@@ -46,6 +47,7 @@ enum Command {
     Record(record::Arguments),
     #[cfg(feature = "camera")]
     Devices(devices::Arguments),
+    Watch(watch::Arguments),
     Lights(lights::Arguments),
     Calibrate(calibrate::Arguments),
     #[cfg(feature = "render")]
@@ -67,6 +69,7 @@ pub fn main() -> ExitCode {
         Command::Record(arguments) => record::run(arguments),
         #[cfg(feature = "camera")]
         Command::Devices(arguments) => devices::run(arguments),
+        Command::Watch(arguments) => watch::run(arguments),
         Command::Lights(arguments) => lights::run(arguments),
         Command::Calibrate(arguments) => calibrate::run(arguments),
         #[cfg(feature = "render")]

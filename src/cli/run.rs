@@ -7,6 +7,7 @@ use crate::net::{Board, Server};
 use crate::rt::Shutdown;
 use crate::service::{Copies, Output, Pictures, RecordOptions, Service, Summary};
 use indicatif::{ProgressBar, ProgressStyle};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -77,6 +78,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         return watch(service, &summary, "lists", Summary::lists_published, |_| ());
     };
     let signals = SignalWatch::start_with_hangup(&shutdown)?;
+    allow_many_connections();
     let board = Arc::new(Board::default());
     let server = Server::start(address, &board, config.server_options()?, &shutdown)?;
     tracing::info!("listening on http://{}/", server.address());
@@ -93,6 +95,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let served = serving.serve(config);
     serving.watchdog.stopping();
     served.and(server.stop())
+}
+
+/// Raises the number of open files, of which every client is one, from the shell's limit to the one that is allowed.
+fn allow_many_connections() {
+    let limit = getrlimit(Resource::Nofile);
+    if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }) {
+        tracing::warn!("the limit of open files stays at {:?}: {error}", limit.current);
+    }
 }
 
 /// Pictures, recordings and the clients of a server; the recording of a service that was started anew is another.

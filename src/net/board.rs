@@ -200,3 +200,108 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     // Whoever panicked here has left sound values: every change is a few assignments, and the panic ends the service.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Stamp;
+    use crate::wire::{Delivery, Message, json};
+
+    fn list(sequence: u64, count: u32) -> LightList {
+        let lights: Vec<Light> = crate::math::fibonacci_sphere(count as usize)
+            .zip(0..)
+            .map(|(direction, id)| Light {
+                id,
+                direction: direction.as_vec3().to_array(),
+                irradiance: [(id % 7) as f32, 0.3, (id % 5) as f32],
+                spread_rad: 0.1,
+            })
+            .collect();
+        let mut list = LightList::default();
+        list.stamp = Stamp { sequence, frame_rate_hz: 25.0, ..Stamp::default() };
+        list.lights = lights;
+        list.reference_irradiance = vec![100.0; crate::light::error::NORMAL_COUNT];
+        list.power = list.sum_of_lights();
+        ListError::new().measure(&mut list);
+        list
+    }
+
+    fn decoded(board: &Board, subscription: &Subscription, is_binary: bool) -> LightList {
+        let (post, _) = board.newest().unwrap();
+        let body = board.body(&post, subscription, is_binary).unwrap();
+        let (mut bytes, mut message) = (Vec::new(), Message::default());
+        if is_binary {
+            binary::encode(&body, &Delivery::default(), &mut bytes);
+            binary::decode(&bytes, &mut message).unwrap();
+        } else {
+            json::encode(&body, &Delivery::default(), &mut bytes);
+            json::decode(&bytes, &mut message).unwrap();
+        }
+        message.list
+    }
+
+    #[test]
+    fn clients_that_want_the_same_share_one_copy_and_the_whole_list_is_the_list() {
+        let board = Board::default();
+        let whole = list(3, 100);
+        board.post(&whole, &CaptureEpoch::default());
+        let (post, _) = board.newest().unwrap();
+        let all = Subscription::default();
+        let body = board.body(&post, &all, false).unwrap();
+        assert_eq!(body.as_ptr(), board.body(&post, &all, false).unwrap().as_ptr());
+        let more = Subscription { lights: Some(5000), ..all };
+        assert_eq!(body.as_ptr(), board.body(&post, &more, false).unwrap().as_ptr());
+        let mut line = Vec::new();
+        whole.write_json(&mut line).unwrap();
+        assert_eq!(body, line);
+    }
+
+    #[test]
+    fn prefixes_keep_power_and_tell_their_own_error() {
+        let board = Board::default();
+        let whole = list(0, 100);
+        board.post(&whole, &CaptureEpoch::default());
+        for is_binary in [false, true] {
+            for count in [1, 8, 50, 64, 99] {
+                let short =
+                    decoded(&board, &Subscription { lights: Some(count), ..Default::default() }, is_binary);
+                assert_eq!(short.lights.len(), count as usize);
+                assert_eq!(short.power, whole.power, "to the last bit");
+                assert!(short.prefix_errors.iter().all(|&(length, _)| length <= count));
+                assert_eq!(short.prefix_errors.last(), Some(&(count, short.error)));
+                let published = whole.prefix_errors.iter().find(|&&(length, _)| length == count);
+                assert!(published.is_none_or(|&(_, error)| error == short.error), "{count}");
+                // Every light is rounded once, to f32 or to 1/1024 of an octave.
+                let tolerance = if is_binary { 4e-4 } else { 1e-6 };
+                for (sum, power) in short.sum_of_lights().into_iter().zip(whole.power) {
+                    assert!((sum / power - 1.0).abs() < tolerance, "{count}: {sum} {power}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_error_asks_for_the_shortest_prefix_that_is_better() {
+        let board = Board::default();
+        let whole = list(0, 100);
+        board.post(&whole, &CaptureEpoch::default());
+        let (_, at_16) = whole.prefix_errors[1];
+        let wanted = |error| Subscription { error: Some(error), ..Subscription::default() };
+        let expected = whole.prefix_errors.iter().find(|(_, error)| *error < at_16 * 1.01).unwrap().0;
+        assert_eq!(decoded(&board, &wanted(at_16 * 1.01), true).lights.len(), expected as usize);
+        assert_eq!(decoded(&board, &wanted(1e-30), true).lights.len(), 100);
+    }
+
+    #[test]
+    fn the_board_keeps_as_many_lists_as_a_client_may_be_behind_and_uses_their_memory_again() {
+        let board = Board::default();
+        for sequence in 0..200 {
+            board.post(&list(sequence, 4), &CaptureEpoch::default());
+        }
+        let numbers: Vec<u64> = board.look(|posts| posts.iter().map(|post| post.number).collect());
+        assert_eq!(numbers, (136..200).collect::<Vec<u64>>());
+        let oldest = board.look(|posts| posts[0].list.lights.as_ptr());
+        board.post(&list(200, 4), &CaptureEpoch::default());
+        assert_eq!(board.look(|posts| posts[63].list.lights.as_ptr()), oldest);
+    }
+}

@@ -6,6 +6,7 @@
 
 mod access;
 mod board;
+mod client;
 mod metrics;
 mod options;
 
@@ -15,5 +16,6 @@ mod session;
 mod turn;
 
 pub use board::Board;
+pub use client::{Client, ClientOptions};
 pub use options::{ServerOptions, Token};
 pub use server::Server;

@@ -32,7 +32,8 @@ const END_WITHIN: Duration = Duration::from_secs(2);
 pub struct Server {
     address: SocketAddr,
     shared: Arc<Shared>,
-    threads: Threads,
+    /// Until it is stopped.
+    threads: Option<Threads>,
 }
 
 /// What all connections share.
@@ -116,7 +117,7 @@ impl Server {
             runtime.shutdown_timeout(Duration::from_millis(100));
             outcome
         })?;
-        Ok(Self { address, shared, threads })
+        Ok(Self { address, shared, threads: Some(threads) })
     }
 
     /// Where it listens.
@@ -146,9 +147,16 @@ impl Server {
     ///
     /// # Errors
     /// When it had failed or panicked before.
-    pub fn stop(self) -> Result<()> {
+    pub fn stop(mut self) -> Result<()> {
         self.shared.phase.send_replace(Phase::Ending);
-        self.threads.join(Duration::from_millis(100), || ())
+        self.threads.take().map_or(Ok(()), |threads| threads.join(Duration::from_millis(100), || ()))
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // Its thread is joined after this.
+        self.shared.phase.send_replace(Phase::Ending);
     }
 }
 

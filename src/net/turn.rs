@@ -38,6 +38,7 @@ impl Turn {
     ) -> Option<(Arc<Post>, u64)> {
         let mut posts = posts.peekable();
         let oldest = *posts.peek()?;
+        let end = oldest.number + posts.len() as u64;
         let mut lost = self.lost_unseen(oldest);
         let (mut first, mut last, mut due_count) = (None, None, 0);
         let mut due_ns = self.due_ns;
@@ -52,6 +53,11 @@ impl Turn {
                 first.get_or_insert(found);
                 last = Some(found);
             }
+        }
+        if due_count == 0 {
+            // Passed over, and not lost if the client should want another rate.
+            self.next_number = self.next_number.max(end);
+            return None;
         }
         let is_behind = lost > 0 || due_count > u64::from(self.subscription.queue);
         let (post, due_ns) = if is_behind { last? } else { first? };
@@ -93,5 +99,128 @@ impl Turn {
             None => time_ns,
         };
         Some(Some(next_ns.saturating_add(period_ns)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Board;
+    use super::*;
+    use crate::image::Stamp;
+    use crate::light::LightList;
+    use crate::rt::CaptureEpoch;
+
+    const FRAME_NS: i64 = 40_000_000;
+
+    fn post(board: &Board, capture_time_ns: i64) {
+        let mut list = LightList::default();
+        list.stamp = Stamp { capture_time_ns, frame_rate_hz: 25.0, ..Stamp::default() };
+        board.post(&list, &CaptureEpoch::default());
+    }
+
+    /// Numbers and losses that a client gets at once.
+    fn take_all(board: &Board, turn: &mut Turn) -> Vec<(u64, u64)> {
+        let next = |turn: &mut Turn| board.look(|posts| turn.next(posts.iter()));
+        std::iter::from_fn(|| next(turn)).map(|(post, lost)| (post.number, lost)).collect()
+    }
+
+    #[test]
+    fn who_keeps_up_gets_everything_once() {
+        let board = Board::default();
+        let mut turn = Turn::new(Subscription::default(), 0);
+        for number in 0..200 {
+            post(&board, FRAME_NS * number as i64);
+            assert_eq!(take_all(&board, &mut turn), [(number, 0)]);
+        }
+        assert_eq!(take_all(&board, &mut turn), []);
+    }
+
+    #[test]
+    fn who_is_slow_skips_to_the_newest_and_learns_how_many_are_lost() {
+        let board = Board::default();
+        let mut turn = Turn::new(Subscription::default(), 0);
+        for number in 0..5 {
+            post(&board, FRAME_NS * number);
+        }
+        assert_eq!(take_all(&board, &mut turn), [(4, 4)]);
+        // Further behind than the board remembers.
+        for number in 5..205 {
+            post(&board, FRAME_NS * number);
+        }
+        assert_eq!(take_all(&board, &mut turn), [(204, 199)]);
+    }
+
+    #[test]
+    fn lists_wait_for_who_asks_for_that() {
+        let board = Board::default();
+        let mut turn = Turn::new(Subscription { queue: 4, ..Subscription::default() }, 0);
+        for number in 0..4 {
+            post(&board, FRAME_NS * number);
+        }
+        assert_eq!(take_all(&board, &mut turn), [(0, 0), (1, 0), (2, 0), (3, 0)]);
+        for number in 4..9 {
+            post(&board, FRAME_NS * number);
+        }
+        assert_eq!(take_all(&board, &mut turn), [(8, 4)], "one more than its queue holds");
+    }
+
+    #[test]
+    fn a_lower_rate_passes_lists_over_that_are_not_lost() {
+        for (rate_hz, count) in [(10.0, 40), (25.0, 100), (12.5, 50), (3.0, 12), (1000.0, 100)] {
+            let board = Board::default();
+            let mut turn = Turn::new(Subscription { rate_hz: Some(rate_hz), ..Subscription::default() }, 0);
+            let mut got = 0;
+            for number in 0..100 {
+                // Frames come a little early or late.
+                post(&board, FRAME_NS * number + [0, 3_000_000, -2_000_000][number as usize % 3]);
+                for (_, lost) in take_all(&board, &mut turn) {
+                    assert_eq!(lost, 0);
+                    got += 1;
+                }
+            }
+            assert!((got - count as i32).abs() <= 1, "{rate_hz} Hz: {got}");
+        }
+    }
+
+    #[test]
+    fn at_a_lower_rate_only_lists_that_were_due_are_lost() {
+        let board = Board::default();
+        let mut turn = Turn::new(Subscription { rate_hz: Some(5.0), ..Subscription::default() }, 0);
+        for number in 0..26 {
+            post(&board, FRAME_NS * number);
+        }
+        assert_eq!(take_all(&board, &mut turn), [(25, 5)], "0, 5, 10, 15 and 20 were due before");
+        for number in 26..1026 {
+            post(&board, FRAME_NS * number);
+        }
+        let [(number, lost)] = take_all(&board, &mut turn)[..] else { panic!("one list") };
+        assert!(number >= 1020 && (195..=200).contains(&lost), "{number} {lost}: a fifth of a thousand");
+    }
+
+    #[test]
+    fn capture_times_that_jump_stop_nobody() {
+        let board = Board::default();
+        let mut turn = Turn::new(Subscription { rate_hz: Some(5.0), ..Subscription::default() }, 0);
+        post(&board, 3_600_000_000_000);
+        assert_eq!(take_all(&board, &mut turn), [(0, 0)]);
+        post(&board, 0);
+        assert_eq!(take_all(&board, &mut turn), [(1, 0)], "a source that began anew");
+        post(&board, FRAME_NS);
+        assert_eq!(take_all(&board, &mut turn), []);
+        post(&board, i64::MAX);
+        post(&board, i64::MIN);
+        assert_eq!(take_all(&board, &mut turn), [(4, 1)]);
+    }
+
+    #[test]
+    fn a_new_subscription_begins_with_the_next_list() {
+        let board = Board::default();
+        let mut turn = Turn::new(Subscription { rate_hz: Some(0.5), ..Subscription::default() }, 0);
+        post(&board, 0);
+        post(&board, FRAME_NS);
+        assert_eq!(take_all(&board, &mut turn), [(0, 0)]);
+        turn.subscribe(Subscription::default());
+        post(&board, 2 * FRAME_NS);
+        assert_eq!(take_all(&board, &mut turn), [(2, 0)]);
     }
 }

@@ -86,7 +86,7 @@ impl Graph {
     }
 
     pub fn summary(&self) -> Summary {
-        Summary::new(self.metrics.clone())
+        Summary::of(self.metrics.clone())
     }
 
     /// Waits for the end and calls `watch` about every `interval` meanwhile.

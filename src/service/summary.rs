@@ -11,7 +11,7 @@ pub struct Summary {
 
 impl Summary {
     /// The stages in the order of the data.
-    pub(super) fn new(stages: Vec<Arc<Metrics>>) -> Self {
+    pub fn of(stages: Vec<Arc<Metrics>>) -> Self {
         Self { stages }
     }
 
@@ -93,7 +93,7 @@ mod tests {
         stage.bad_frames.add(1);
         stage.time_ns.record(1_500_000);
         stage.counter("pixels saturated").add(12);
-        let summary = Summary::new(vec![Metrics::new("source"), stage]);
+        let summary = Summary::of(vec![Metrics::new("source"), stage]);
         let text = summary.to_string();
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
         assert_eq!(lines[1], ["source", "0", "0", "0", "0.000", "0.000", "0.000"]);

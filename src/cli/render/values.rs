@@ -11,10 +11,15 @@ pub(super) enum Input {
     Panorama,
     Lists,
     Configuration,
+    Server,
 }
 
 impl Input {
     pub(super) fn of(path: &Path) -> Self {
+        if ["ws://", "http://"].iter().any(|scheme| path.to_str().is_some_and(|url| url.starts_with(scheme)))
+        {
+            return Self::Server;
+        }
         match path.extension().and_then(OsStr::to_str) {
             Some("toml") => Self::Configuration,
             Some("jsonl" | "json") => Self::Lists,
@@ -79,6 +84,7 @@ mod tests {
         assert_eq!(Input::of(Path::new("a/b.toml")), Input::Configuration);
         assert_eq!(Input::of(Path::new("b.jsonl")), Input::Lists);
         assert_eq!(Input::of(Path::new("b.hdr")), Input::Panorama);
+        assert_eq!(Input::of(Path::new("ws://a:1/b.json")), Input::Server);
         assert_eq!(
             Target::of(Path::new("b.png")).unwrap(),
             Target::File { path: "b.png".into(), is_exr: false }

@@ -1,17 +1,18 @@
 //! `render` without --output: the window, and the threads that bring lists to it.
 
 use super::values::Input;
-use super::{Arguments, backend, camera, lights_of_map, no_reference, options, scene};
+use super::{Arguments, backend, camera, lights_of_map, no_reference, options, pass_on, scene, server};
 use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::signals::SignalWatch;
 use crate::config::{Config, Pace};
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape};
 use crate::light::{LightList, ListFile};
+use crate::net::{Client, ClientOptions};
 use crate::render::budget::BudgetOptions;
 use crate::rt::link::{self, Sender};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
-use crate::service::{Copies, Output, Service};
+use crate::service::{Copies, Output, Service, Summary};
 use crate::window::{Display, Settings, Source};
 use std::ffi::OsStr;
 use std::io::{self, Write as _};
@@ -29,7 +30,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         Input::Panorama => show_panorama(arguments, display, &closing),
         Input::Lists => show_lists(arguments, display, &closing),
         Input::Configuration => show_sequence(arguments, display, &closing),
+        Input::Server => show_stream(arguments, server(arguments)?, display, &closing),
     }
+}
+
+/// [`run`], with lists from a server that is asked for what `options` say.
+pub(super) fn run_stream(arguments: &Arguments, options: ClientOptions) -> Result<()> {
+    no_reference(arguments)?;
+    let display = Display::open()?;
+    let closing = Shutdown::new();
+    let _signals = SignalWatch::start(&closing)?;
+    show_stream(arguments, options, display, &closing)
 }
 
 fn show(
@@ -120,6 +131,27 @@ fn play(
             return Ok(());
         }
     }
+}
+
+/// The client brings lists on its thread; when the server refuses it, the window closes.
+fn show_stream(
+    arguments: &Arguments,
+    options: ClientOptions,
+    display: Display,
+    closing: &Shutdown,
+) -> Result<()> {
+    let scene = scene(arguments)?;
+    let (sender, lists) = link::latest(closing, LightList::default);
+    let (received, shown_metrics) = (Metrics::new("client"), Metrics::new("window"));
+    let client = Client::start(options, &received, closing, pass_on(sender, closing))?;
+    let source = Source::Live { lists, maps: None, metrics: shown_metrics.clone() };
+    // Nobody knows yet what the server's map is like; a sphere has room for every light.
+    let map = PolarMap::black(PolarShape::sphere(4, 2));
+    let shown = show(arguments, display, source, scene, map, closing);
+    closing.request();
+    let served = client.join(Duration::from_millis(100), || ());
+    let _ = write!(io::stderr(), "{}", Summary::of(vec![received, shown_metrics]));
+    shown.and(served)
 }
 
 /// The service makes lists on its threads, at the sequence's own rate whatever the configuration says: nobody could

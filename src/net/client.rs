@@ -1,0 +1,309 @@
+use super::Token;
+use crate::error::{Error, Result};
+use crate::rt::{Counter, Metrics, Shutdown, Threads};
+use crate::wire::{self, MESSAGE_MAX_BYTES, Message, Subscription, binary, json};
+use axum::http::header::{AUTHORIZATION, SEC_WEBSOCKET_PROTOCOL};
+use axum::http::{HeaderValue, StatusCode, Uri};
+use futures_util::{SinkExt, StreamExt};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::net::TcpStream;
+use tokio::runtime;
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::handshake::client::Request;
+use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
+use tokio_tungstenite::tungstenite::{Bytes, Error as SocketError, Message as SocketMessage};
+use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
+
+/// Longest time for a connection to come about.
+const CONNECT_WITHIN: Duration = Duration::from_secs(10);
+/// Wait before the second attempt to connect; doubled with every further one.
+const FIRST_WAIT: Duration = Duration::from_millis(250);
+/// Longest wait between two attempts.
+const LONGEST_WAIT: Duration = Duration::from_secs(8);
+/// A server is asked so often whether it is there,
+const ASK_EVERY: Duration = Duration::from_secs(5);
+/// and given up when it has said nothing for so long.
+const SILENCE_MAX: Duration = Duration::from_secs(20);
+/// How often a request to end is looked for.
+const GLANCE: Duration = Duration::from_millis(20);
+
+/// What a client wants, and from whom.
+#[derive(Clone, Debug)]
+pub struct ClientOptions {
+    uri: Uri,
+    /// What it asks for.
+    pub subscription: Subscription,
+    /// Whether lists come as bytes or as JSON.
+    pub is_binary: bool,
+    /// What it shows.
+    pub token: Option<Token>,
+}
+
+impl ClientOptions {
+    /// Everything, as bytes, from the server at `url`: `ws://HOST:PORT`, the address of its page (`http://...`), or
+    /// HOST:PORT. Without a path it is `/ws`.
+    ///
+    /// # Errors
+    /// Kind `Usage`: this is no such address.
+    pub fn new(url: &str) -> Result<Self> {
+        let wrong = || Error::usage("is no address of a server, such as ws://127.0.0.1:7300").at(url);
+        let rest = ["ws://", "http://"].iter().find_map(|scheme| url.strip_prefix(scheme)).unwrap_or(url);
+        if rest.contains("://") {
+            return Err(wrong());
+        }
+        let (host, path) = rest.split_once('/').unwrap_or((rest, ""));
+        let path = if path.is_empty() { "ws" } else { path };
+        let uri: Uri = format!("ws://{host}/{path}").parse().map_err(|_| wrong())?;
+        if uri.host().is_none_or(str::is_empty) || uri.query().is_some() {
+            return Err(wrong());
+        }
+        Ok(Self { uri, subscription: Subscription::default(), is_binary: true, token: None })
+    }
+
+    fn request(&self) -> Result<Request> {
+        let failed = |error| Error::usage("cannot be asked for").because(error).at(&self.uri);
+        let query = serde_urlencoded::to_string(self.subscription)
+            .map_err(|error| Error::usage("cannot be a query").because(error))?;
+        let mut request = format!("{}?{query}", self.uri).into_client_request().map_err(failed)?;
+        let protocol = if self.is_binary { wire::BINARY } else { wire::JSON };
+        let headers = request.headers_mut();
+        headers.insert(SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(protocol));
+        if let Some(token) = &self.token {
+            let mut bearer = HeaderValue::try_from(format!("Bearer {}", token.reveal()))
+                .map_err(|error| Error::usage("the token cannot be shown").because(error))?;
+            bearer.set_sensitive(true);
+            headers.insert(AUTHORIZATION, bearer);
+        }
+        Ok(request)
+    }
+}
+
+/// Takes lists from a server until a shutdown is requested or nobody wants them any more. A connection that breaks is made
+/// again, as often as it takes, with growing waits; so is one that cannot be made yet.
+pub struct Client {
+    threads: Threads,
+}
+
+impl Client {
+    /// Starts on a thread of its own, which counts in `metrics` and calls `deliver` with every message; false ends it, as
+    /// does an error. While `deliver` takes its time, the server skips lists.
+    ///
+    /// # Errors
+    /// Those of the system for threads.
+    pub fn start(
+        options: ClientOptions,
+        metrics: &Arc<Metrics>,
+        shutdown: &Shutdown,
+        deliver: impl FnMut(&Message) -> Result<bool> + Send + 'static,
+    ) -> Result<Self> {
+        let mut threads = Threads::new(shutdown);
+        let (metrics, shutdown) = (metrics.clone(), shutdown.clone());
+        threads.spawn("client", move || {
+            let runtime = runtime::Builder::new_current_thread()
+                .enable_io()
+                .enable_time()
+                .build()
+                .map_err(|error| Error::failed("the client cannot start").because(error))?;
+            let mut connection = Connection {
+                bytes: metrics.counter("bytes received"),
+                reconnects: metrics.counter("connections lost"),
+                options,
+                deliver,
+                message: Message::default(),
+                attempts: 0,
+                metrics,
+            };
+            runtime.block_on(async {
+                tokio::select! {
+                    outcome = connection.keep() => outcome,
+                    () = requested(&shutdown) => Ok(()),
+                }
+            })
+        })?;
+        Ok(Self { threads })
+    }
+
+    /// Waits for its end; calls `watch` about every `interval` meanwhile.
+    ///
+    /// # Errors
+    /// When the server refuses this client for good: a wrong address, subscription or token; those of `deliver`.
+    pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
+        self.threads.join(interval, watch)
+    }
+}
+
+type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
+
+struct Connection<D> {
+    options: ClientOptions,
+    deliver: D,
+    /// The last message.
+    message: Message,
+    /// Attempts to connect since the last list.
+    attempts: u32,
+    metrics: Arc<Metrics>,
+    bytes: Counter,
+    reconnects: Counter,
+}
+
+/// Why a connection ended.
+enum End {
+    /// Nobody wants more.
+    Enough,
+    /// It may be made again.
+    Lost(String),
+    /// There is no use in trying again.
+    Failed(Error),
+}
+
+impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
+    async fn keep(&mut self) -> Result<()> {
+        loop {
+            let end = match self.connect().await {
+                Ok(socket) => {
+                    tracing::info!("connected to {}", self.options.uri);
+                    let Err(end) = self.receive(socket).await;
+                    self.reconnects.add(u64::from(matches!(end, End::Lost(_))));
+                    end
+                }
+                Err(end) => end,
+            };
+            match end {
+                End::Enough => return Ok(()),
+                End::Failed(error) => return Err(error),
+                End::Lost(reason) => {
+                    self.attempts = self.attempts.saturating_add(1);
+                    let attempts = self.attempts;
+                    // The first, second, fourth, eighth... time: a server that is away for days does not fill the log.
+                    if attempts.is_power_of_two() {
+                        tracing::warn!("{}: {reason}; trying again (attempt {attempts})", self.options.uri);
+                    }
+                    let doublings = attempts.saturating_sub(1).min(16);
+                    sleep(FIRST_WAIT.saturating_mul(1 << doublings).min(LONGEST_WAIT)).await;
+                }
+            }
+        }
+    }
+
+    async fn connect(&self) -> Result<Socket, End> {
+        let request = self.options.request().map_err(End::Failed)?;
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(MESSAGE_MAX_BYTES))
+            .max_frame_size(Some(MESSAGE_MAX_BYTES));
+        let connecting = connect_async_with_config(request, Some(config), true);
+        match timeout(CONNECT_WITHIN, connecting).await {
+            Ok(Ok((socket, _))) => Ok(socket),
+            Ok(Err(SocketError::Http(response))) => {
+                Err(self.refusal(response.status(), response.body().as_deref()))
+            }
+            Ok(Err(error)) => Err(End::Lost(error.to_string())),
+            Err(_) => Err(End::Lost(format!("no answer within {} s", CONNECT_WITHIN.as_secs()))),
+        }
+    }
+
+    /// What an answer other than a stream means: some may be another tomorrow.
+    fn refusal(&self, status: StatusCode, body: Option<&[u8]>) -> End {
+        let reason = String::from_utf8_lossy(body.unwrap_or_default());
+        let reason = reason.lines().next().unwrap_or_default();
+        let told: String = reason.chars().filter(|character| !character.is_control()).take(200).collect();
+        if status.is_client_error() {
+            let error = Error::usage(format!("the server refuses, {status}: {told}"));
+            return End::Failed(error.at(&self.options.uri));
+        }
+        End::Lost(format!("the server answers {status}: {told}"))
+    }
+
+    async fn receive(&mut self, mut socket: Socket) -> Result<std::convert::Infallible, End> {
+        let mut ask = interval(ASK_EVERY);
+        ask.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut heard = Instant::now();
+        loop {
+            tokio::select! {
+                received = socket.next() => {
+                    heard = Instant::now();
+                    match received {
+                        Some(Ok(message)) => self.pass_on(&message)?,
+                        Some(Err(error)) => return Err(End::Lost(error.to_string())),
+                        None => return Err(End::Lost("the server has gone".to_owned())),
+                    }
+                }
+                _ = ask.tick() => {
+                    if heard.elapsed() >= SILENCE_MAX {
+                        return Err(End::Lost(format!("silent for {} s", SILENCE_MAX.as_secs())));
+                    }
+                    let ping = socket.send(SocketMessage::Ping(Bytes::new()));
+                    match timeout(SILENCE_MAX, ping).await {
+                        Ok(Ok(())) => {}
+                        _ => return Err(End::Lost("the server takes nothing any more".to_owned())),
+                    }
+                }
+            }
+        }
+    }
+
+    fn pass_on(&mut self, message: &SocketMessage) -> Result<(), End> {
+        let started = Instant::now();
+        let decoded = match message {
+            SocketMessage::Binary(bytes) if self.options.is_binary => {
+                binary::decode(bytes, &mut self.message)
+            }
+            SocketMessage::Text(text) if !self.options.is_binary => {
+                json::decode(text.as_bytes(), &mut self.message)
+            }
+            SocketMessage::Close(Some(frame)) => {
+                return Err(End::Lost(format!("the server says {}: {}", frame.code, frame.reason)));
+            }
+            _ => return Ok(()),
+        };
+        decoded.map_err(|error| End::Lost(format!("the server sent what is no list: it {error}")))?;
+        self.metrics.time_ns.record(u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX));
+        self.metrics.frames.add(1);
+        self.metrics.drops.add(self.message.delivery.lost);
+        self.bytes.add(message.len() as u64);
+        self.attempts = 0;
+        match (self.deliver)(&self.message) {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(End::Enough),
+            Err(error) => Err(End::Failed(error)),
+        }
+    }
+}
+
+/// Waits until a shutdown is requested.
+async fn requested(shutdown: &Shutdown) {
+    while !shutdown.is_requested() {
+        sleep(GLANCE).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_come_in_many_spellings() {
+        for (url, expected) in [
+            ("ws://127.0.0.1:7300", "ws://127.0.0.1:7300/ws"),
+            ("http://studio:7300/", "ws://studio:7300/ws"),
+            ("localhost:1", "ws://localhost:1/ws"),
+            ("ws://[::1]:80/lights/ws", "ws://[::1]:80/lights/ws"),
+        ] {
+            assert_eq!(ClientOptions::new(url).unwrap().uri.to_string(), expected);
+        }
+        for url in ["", "ftp://a", "ws://", "ws://a/ws?lights=3", "a b"] {
+            assert!(ClientOptions::new(url).is_err(), "{url}");
+        }
+    }
+
+    #[test]
+    fn a_request_carries_what_is_wanted_and_hides_the_token() {
+        let mut options = ClientOptions::new("localhost:7300").unwrap();
+        options.subscription = Subscription { lights: Some(8), queue: 3, ..Subscription::default() };
+        let request = options.request().unwrap();
+        assert_eq!(request.uri(), "ws://localhost:7300/ws?lights=8&queue=3");
+        assert_eq!(request.headers()[SEC_WEBSOCKET_PROTOCOL], wire::BINARY);
+        assert!(!format!("{options:?}").contains("secret"));
+    }
+}

@@ -1,0 +1,122 @@
+//! What a service needs to run for weeks: its configuration taken anew, what systemd is told, nothing that grows.
+
+use crate::connection::{get, next_json, wait_until};
+use crate::program::Running;
+use crate::recording::Recording;
+use std::fs;
+use std::os::unix::net::UnixDatagram;
+use std::time::Duration;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::{self, WebSocket};
+
+fn endless() -> Recording {
+    let recording = Recording::new(10);
+    recording.configure("pace = \"real-time\"\nrepeat = true");
+    recording
+}
+
+fn client(running: &Running) -> WebSocket<std::net::TcpStream> {
+    let mut request = format!("ws://{}/ws", running.address).into_client_request().unwrap();
+    request.headers_mut().insert("sec-websocket-protocol", "lightcast.v1.json".parse().unwrap());
+    tungstenite::client(request, std::net::TcpStream::connect(running.address).unwrap()).unwrap().0
+}
+
+fn light_count(socket: &mut WebSocket<std::net::TcpStream>) -> usize {
+    next_json(socket)["lights"].as_array().unwrap().len()
+}
+
+#[test]
+fn sighup_takes_a_good_configuration_and_clients_stay() {
+    let recording = endless();
+    let output = recording.path().join("lists.jsonl");
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&output);
+    let mut running = Running::start(&mut command);
+    let mut socket = client(&running);
+    assert_eq!(light_count(&mut socket), 24);
+    let text = fs::read_to_string(recording.configuration()).unwrap();
+    for bad in [
+        text.replace("count = 24", "count = 0"),
+        text.replace("count = 24", "cuont = 12"),
+        text.replace("sky.####.exr", "none.####.exr"),
+        text.clone() + "[server]\ntoken_file = \"none\"\n",
+    ] {
+        fs::write(recording.configuration(), bad).unwrap();
+        running.signal("HUP");
+        let told = running.wait_for("the configuration is not taken, the old one stays");
+        assert!(told.contains("run.toml") || told.contains("none"), "{told}");
+        assert_eq!(light_count(&mut socket), 24);
+    }
+    fs::write(recording.configuration(), text.replace("count = 24", "count = 12")).unwrap();
+    running.signal("HUP");
+    running.wait_for("taken anew");
+    wait_until(|| light_count(&mut socket) == 12);
+    assert_eq!(get(running.address, "/readyz", &[]).0, 200);
+    running.end();
+    let lines = fs::read_to_string(&output).unwrap();
+    let counts: Vec<usize> = lines.lines().map(|line| line.matches("\"id\"").count()).collect();
+    assert!(counts.contains(&24) && counts.ends_with(&[12]), "one file for both: {counts:?}");
+}
+
+/// What a service told systemd, one text a message.
+fn told(socket: &UnixDatagram) -> Option<String> {
+    let mut bytes = [0; 4096];
+    let length = socket.recv(&mut bytes).ok()?;
+    Some(String::from_utf8_lossy(&bytes[..length]).trim_end().to_owned())
+}
+
+#[test]
+fn systemd_is_told_and_its_watchdog_is_fed_by_lists_alone() {
+    let recording = endless();
+    let path = recording.path().join("notify");
+    let systemd = UnixDatagram::bind(&path).unwrap();
+    systemd.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    // Lists go into a pipe that is read for a while only: then the service hangs in its last stage.
+    let pipe = recording.path().join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let reader = {
+        let pipe = pipe.clone();
+        std::thread::Builder::new().name("pipe".into()).spawn(move || fs::File::open(pipe).unwrap()).unwrap()
+    };
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&pipe);
+    command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "400000");
+    let running = Running::start(&mut command);
+    let mut file = reader.join().unwrap();
+    let first = told(&systemd).unwrap();
+    assert!(first.contains("READY=1") && first.contains("STATUS=lists flow"), "{first}");
+    let mut fed = 0;
+    while fed < 5 {
+        // A pipe holds 64 kB; this leaves room for what comes.
+        let _ = std::io::Read::read(&mut file, &mut [0; 1 << 16]);
+        fed += u32::from(told(&systemd).unwrap() == "WATCHDOG=1");
+    }
+    // Nobody reads any more: within the room of the pipe it goes on, and then the watchdog starves.
+    systemd.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+    let mut more = 0;
+    while let Some(message) = told(&systemd) {
+        assert_eq!(message, "WATCHDOG=1");
+        more += 1;
+        assert!(more < 200, "it is fed although nothing gets on");
+    }
+    drop(file);
+    drop(running);
+}
+
+#[test]
+fn systemd_is_told_of_a_reload_and_of_the_end() {
+    let recording = endless();
+    let path = recording.path().join("notify");
+    let systemd = UnixDatagram::bind(&path).unwrap();
+    systemd.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0"]).env("NOTIFY_SOCKET", &path);
+    let running = Running::start(&mut command);
+    assert!(told(&systemd).unwrap().contains("READY=1"));
+    running.signal("HUP");
+    let reloading = told(&systemd).unwrap();
+    assert!(reloading.contains("RELOADING=1") && reloading.contains("MONOTONIC_USEC="), "{reloading}");
+    assert!(told(&systemd).unwrap().contains("READY=1"));
+    running.end();
+    assert_eq!(told(&systemd).unwrap(), "STOPPING=1");
+}

@@ -1,0 +1,114 @@
+//! Clients of all kinds come and go while a replay loops: memory, file handles and threads of the service stay what they
+//! are. Some seconds, or as many as `LIGHTCAST_SOAK_S` says; `make soak-clients` says an hour.
+
+use crate::connection::{connect, get, wait_until};
+use crate::program::Running;
+use std::fs;
+use std::io::Write;
+use std::net::TcpStream;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::{Message, WebSocket};
+
+/// What a process holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Holdings {
+    resident_kb: u64,
+    threads: u64,
+    files: usize,
+}
+
+fn holdings(running: &Running) -> Holdings {
+    let folder = format!("/proc/{}", running.child.id());
+    let status = fs::read_to_string(format!("{folder}/status")).unwrap();
+    let value = |key: &str| -> u64 {
+        let line = status.lines().find(|line| line.starts_with(key)).unwrap();
+        line.split_whitespace().nth(1).unwrap().parse().unwrap()
+    };
+    Holdings {
+        resident_kb: value("VmRSS:"),
+        threads: value("Threads:"),
+        files: fs::read_dir(format!("{folder}/fd")).unwrap().count(),
+    }
+}
+
+fn stream(running: &Running, query: &str, protocol: &str) -> WebSocket<TcpStream> {
+    let mut request = format!("ws://{}/ws?{query}", running.address).into_client_request().unwrap();
+    request.headers_mut().insert("sec-websocket-protocol", protocol.parse().unwrap());
+    connect(request, running.address).unwrap()
+}
+
+/// One of each kind of client; those in `idle` stay for a while without reading.
+fn visit(running: &Running, round: u64, idle: &mut Vec<WebSocket<TcpStream>>) {
+    let (json, binary) = ("lightcast.v1.json", "lightcast.v1.bin");
+    for query in ["", "lights=16", "error=0.01&rate_hz=12", "queue=64"] {
+        let protocol = if round.is_multiple_of(2) { json } else { binary };
+        let mut client = stream(running, query, protocol);
+        for _ in 0..3 {
+            client.read().unwrap();
+        }
+        client.send(Message::text("{\"subscribe\":{\"lights\":3}}")).unwrap();
+        client.read().unwrap();
+        client.close(None).unwrap();
+        while client.read().is_ok() {}
+    }
+    let mut killed = stream(running, "", json);
+    killed.read().unwrap();
+    killed.get_mut().write_all(&[0x81, 0x80 | 50, 1, 2, 3]).unwrap();
+    drop(killed);
+    let mut wrong = stream(running, "", json);
+    wrong.send(Message::binary(vec![7; 100])).unwrap();
+    drop(wrong);
+    for path in ["/map.png", "/map.exr", "/lights?lights=5", "/metrics", "/nothing", "/lights?x=1"] {
+        get(running.address, path, &[]);
+    }
+    get(running.address, "/lights", &[("Origin", "https://evil.example")]);
+    let mut half = TcpStream::connect(running.address).unwrap();
+    half.write_all(b"GET /map.png HT").unwrap();
+    drop(half);
+    idle.push(stream(running, "", binary));
+    if idle.len() > 20 {
+        idle.remove(0);
+    }
+}
+
+#[test]
+fn clients_that_come_and_go_leave_nothing_behind() {
+    let seconds = std::env::var("LIGHTCAST_SOAK_S").ok().map_or(8, |text| text.parse().unwrap());
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut command = crate::recording::lightcast();
+    command.args(["run", "--listen", "127.0.0.1:0", "--config"]).arg(root.join("config/stream.toml"));
+    let running = Running::start(&mut command);
+    wait_until(|| get(running.address, "/readyz", &[]).0 == 200);
+    let started = Instant::now();
+    let warm = Duration::from_secs((seconds / 4).min(60));
+    let (mut idle, mut round, mut first, mut told) = (Vec::new(), 0, None, 0);
+    while started.elapsed() < Duration::from_secs(seconds) {
+        visit(&running, round, &mut idle);
+        round += 1;
+        let elapsed = started.elapsed();
+        if elapsed >= warm {
+            let now = holdings(&running);
+            first.get_or_insert(now);
+            if elapsed.as_secs() / 60 > told {
+                told = elapsed.as_secs() / 60;
+                println!("{told:>4} min  {round:>7} rounds  {now:?}");
+            }
+        }
+    }
+    idle.clear();
+    wait_until(|| get(running.address, "/metrics", &[]).1.contains("\nlightcast_clients 0"));
+    let first = first.unwrap();
+    let mut last = holdings(&running);
+    // Those who come and go now and then have files open; when all have gone there is the listener and what was there.
+    wait_until(|| {
+        last = holdings(&running);
+        last.files <= first.files
+    });
+    println!("{round} rounds in {seconds} s: {first:?} after {warm:?}, {last:?} in the end");
+    assert!(last.threads <= first.threads + 2, "two threads at most encode maps");
+    let most_kb = first.resident_kb + 4096;
+    assert!(last.resident_kb <= most_kb, "{} kB, were {} kB", last.resident_kb, first.resident_kb);
+    running.end();
+}
