@@ -2,12 +2,11 @@
 
 use super::access::{self, Refusal};
 use super::metrics;
-use super::server::Shared;
+use super::server::{Peer, Shared};
 use super::session::Session;
 use crate::image::{PolarMap, encode_map_exr};
 use crate::picture::encode_map_png;
 use crate::wire::{self, Subscription};
-use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{RawQuery, Request, State};
@@ -18,6 +17,7 @@ use axum::http::{HeaderName, HeaderValue, StatusCode};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -86,6 +86,7 @@ fn not_yet(what: &str) -> Response {
 
 async fn stream(
     State(shared): State<Arc<Shared>>,
+    Extension(Peer(peer)): Extension<Peer>,
     RawQuery(query): RawQuery,
     upgrade: WebSocketUpgrade,
 ) -> Response {
@@ -110,7 +111,8 @@ async fn stream(
     };
     upgrade.max_message_size(wire::DEMAND_MAX_BYTES).max_frame_size(wire::DEMAND_MAX_BYTES).on_upgrade(
         move |socket| async move {
-            Session::new(socket, &shared, phase, subscription, is_binary, options.patience).run().await;
+            let session = Session::new(socket, &shared, phase, subscription, is_binary, options.patience);
+            session.run(peer).await;
             drop(place);
         },
     )

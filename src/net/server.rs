@@ -3,7 +3,10 @@ use super::{Board, ServerOptions};
 use crate::error::{Error, Result};
 use crate::rt::{Counter, Metrics, Shutdown, Threads};
 use axum::Router;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use socket2::SockRef;
@@ -68,6 +71,10 @@ pub(super) struct Counters {
     pub floods: Counter,
     pub silent: Counter,
 }
+
+/// Whose connection a request came over.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Peer(pub SocketAddr);
 
 /// A place among the clients; free again when dropped.
 pub(super) struct Place(Arc<Shared>);
@@ -190,9 +197,9 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
             _ = phase.wait_for(|phase| *phase == Phase::Ending) => break,
         };
         match accepted {
-            Ok((stream, _)) => {
+            Ok((stream, address)) => {
                 let service = TowerToHyperService::new(router.clone());
-                tokio::spawn(connection(stream, service, permit));
+                tokio::spawn(connection(stream, Peer(address), service, permit));
             }
             Err(error) => {
                 // The client has gone again, or this process has no file handle left: another time.
@@ -212,9 +219,18 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
 }
 
 /// Answers the requests of one connection. One that becomes a stream of lists leaves it, and its permit, behind.
-async fn connection(stream: TcpStream, service: TowerToHyperService<Router>, permit: OwnedSemaphorePermit) {
+async fn connection(
+    stream: TcpStream,
+    peer: Peer,
+    service: TowerToHyperService<Router>,
+    permit: OwnedSemaphorePermit,
+) {
     // A list is one write, and waits for no other.
     let _ = stream.set_nodelay(true);
+    let service = service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(peer);
+        service.call(request)
+    });
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_WITHIN)

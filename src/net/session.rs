@@ -7,6 +7,7 @@ use crate::rt::{monotonic_ns, utc_from_monotonic_ns};
 use crate::wire::{Delivery, Subscription, binary, json};
 use axum::Error;
 use axum::extract::ws::{CloseCode, CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
@@ -33,14 +34,29 @@ pub(super) struct Session {
     allowance: f64,
     /// The message under way.
     message: Vec<u8>,
+    /// Lists so far.
+    sent: u64,
+    lost: u64,
 }
 
 /// Why a session ends.
 enum End {
     /// The client has gone, or the connection broke.
     Gone,
+    /// It neither takes nor says anything.
+    Silent,
     /// It is sent away.
     Close(CloseCode, &'static str),
+}
+
+impl End {
+    fn reason(&self) -> &'static str {
+        match self {
+            Self::Gone => "the connection ended",
+            Self::Silent => "silent for too long",
+            Self::Close(_, reason) => reason,
+        }
+    }
 }
 
 impl Session {
@@ -65,12 +81,17 @@ impl Session {
             heard: Instant::now(),
             allowance: BURST,
             message: Vec::new(),
+            sent: 0,
+            lost: 0,
         }
     }
 
-    /// Streams until one of the two has enough.
-    pub async fn run(mut self) {
+    /// Streams to the client at `peer` until one of the two has enough.
+    pub async fn run(mut self, peer: SocketAddr) {
+        tracing::info!(%peer, is_binary = self.is_binary, subscription = ?self.turn.subscription(), "a client has come");
         let Err(end) = self.stream().await;
+        let (sent, lost) = (self.sent, self.lost);
+        tracing::info!(%peer, lists_sent = sent, lists_lost = lost, reason = end.reason(), "a client has left");
         if let End::Close(code, reason) = end {
             let close = CloseFrame { code, reason: Utf8Bytes::from_static(reason) };
             let _ = timeout(FAREWELL, self.socket.send(Message::Close(Some(close)))).await;
@@ -140,6 +161,8 @@ impl Session {
         };
         let bytes = message_bytes(&message);
         self.send(message).await?;
+        self.sent += 1;
+        self.lost += lost;
         let counters = &self.shared.counters;
         counters.lists_sent.add(1);
         counters.lists_lost.add(lost);
@@ -153,7 +176,7 @@ impl Session {
             Ok(Err(_)) => Err(End::Gone),
             Err(_) => {
                 self.shared.counters.silent.add(1);
-                Err(End::Gone)
+                Err(End::Silent)
             }
         }
     }
@@ -196,7 +219,7 @@ impl Session {
         let silence = self.heard.elapsed();
         if silence >= self.patience {
             self.shared.counters.silent.add(1);
-            return Err(End::Gone);
+            return Err(End::Silent);
         }
         if silence >= self.patience / 2 {
             self.send(Message::Ping(axum::body::Bytes::new())).await?;
