@@ -15,7 +15,7 @@ use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Inputs in total where nothing is said: some seconds.
-const INPUTS: usize = 200_000;
+const INPUTS: usize = 1_000_000;
 
 /// Bytes that a decoder may ask for beside a multiple of its input: what an error says, serde's scratch.
 const FEW_BYTES: usize = 4096;
