@@ -5,6 +5,7 @@ import sys
 import lightcast
 
 for lights in lightcast.Stream(*sys.argv[1:3], lights=64, rate_hz=5):
-    brightest = max(lights.lights, key=lambda light: sum(light.irradiance), default=None)
-    print(f"list {lights.sequence}: {len(lights.lights)} lights, power {lights.power}, error {lights.error:.4f}")
-    print(f"  age {lights.age_s()} s, lost {lights.lost}, brightest: {brightest}")
+    power = ", ".join(f"{value:.4g}" for value in lights.power)
+    print(f"list {lights.sequence}: {len(lights.lights)} lights, power {power}, error {lights.error:.4f}")
+    if lights.lights:
+        print("  brightest:", max(lights.lights, key=lambda light: sum(light.irradiance)))

@@ -7,8 +7,8 @@
     for lights in lightcast.Stream("ws://127.0.0.1:8080/ws", lights=64):
         print(lights.sequence, lights.power, lights.age_s())
 
-`Stream` connects, and connects again when the connection is lost; `decode_binary` and `decode_json` take single messages
-apart. The protocol is described in lightcast's ARCHITECTURE.md. Directions are unit vectors towards the light,
+`Stream` connects, and connects again when the connection is lost; `decode_binary` and `decode_json` take single
+messages apart. The protocol is described in lightcast's ARCHITECTURE.md. Directions are unit vectors towards the light,
 right-handed, +Y up; the irradiance of a light is that of a surface which faces it, linear Rec. 709.
 
 Needs Python 3.9 and the package `websockets` from version 15 on.
