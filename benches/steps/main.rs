@@ -17,6 +17,7 @@ use lightcast::light::{
 };
 use lightcast::sampling::{Bicontinuous, Standard, sample_points};
 use lightcast::temporal::{FilterOptions, LightFilter};
+use lightcast::wire::{Delivery, Message, binary, json};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -42,6 +43,7 @@ fn main() {
         lights(&mut criterion, &mut table, shape);
     }
     for_rendering(&mut criterion, &mut table);
+    messages(&mut criterion, &mut table);
     whole(&mut criterion, &mut table);
     criterion.final_summary();
     table.print();
@@ -153,6 +155,9 @@ fn for_rendering(criterion: &mut Criterion, table: &mut table::Table) {
     extractor.step(&scene::map(shape), &mut list);
     let (mut clusters, mut places) = (Vec::new(), Vec::new());
     let (regions, mut lists) = (Regions::for_normals(), RegionLists::default());
+    // Each once, for the remarks of a table of which only some rows are measured.
+    cluster(&list.lights, CLUSTERS, &mut clusters, &mut places);
+    regions.assign(&list.lights, LIGHTS, &mut lists);
     let mut group = criterion.benchmark_group("for rendering");
     group.bench_function("clustering, 300 lights", |bencher| {
         bencher.iter(|| cluster(black_box(&list.lights), CLUSTERS, &mut clusters, &mut places));
@@ -166,6 +171,50 @@ fn for_rendering(criterion: &mut Criterion, table: &mut table::Table) {
     let mean = regions.mean_lights(&lists);
     let remark = format!("{mean:.0} lights a region, gain {:.2}", LIGHTS as f64 / mean);
     table.row("for rendering", "200 regions, 300 lights", Some("< 1 ms"), remark);
+}
+
+/// What a list costs on its way to clients: made once for all of them, put together for each, taken apart by each.
+fn messages(criterion: &mut Criterion, table: &mut table::Table) {
+    let shape = PolarShape::hemisphere(360, 90);
+    let mut extractor =
+        Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
+    let mut list = LightList::default();
+    extractor.step(&scene::map(shape), &mut list);
+    let (mut body, mut bytes, mut object, mut text) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (delivery, mut message) = (Delivery::default(), Message::default());
+    // Each once: a benchmark that is measured alone has the input that another makes.
+    binary::encode_list(&list, &mut body).expect("a sound list");
+    binary::encode(&body, &delivery, &mut bytes);
+    list.write_json_line(&mut object).expect("memory takes them");
+    json::encode(&object, &delivery, &mut text);
+    let mut group = criterion.benchmark_group("messages");
+    group.bench_function("300 lights to bytes", |bencher| {
+        bencher.iter(|| binary::encode_list(black_box(&list), &mut body).expect("a sound list"));
+    });
+    group.bench_function("300 lights to bytes, for one client more", |bencher| {
+        bencher.iter(|| binary::encode(black_box(&body), &delivery, &mut bytes));
+    });
+    group.bench_function("300 lights from bytes", |bencher| {
+        bencher.iter(|| binary::decode(black_box(&bytes), &mut message).expect("a sound message"));
+    });
+    group.bench_function("300 lights to JSON", |bencher| {
+        bencher.iter(|| {
+            object.clear();
+            black_box(&list).write_json_line(&mut object).expect("memory takes them");
+        });
+    });
+    group.bench_function("300 lights to JSON, for one client more", |bencher| {
+        bencher.iter(|| json::encode(black_box(&object), &delivery, &mut text));
+    });
+    group.bench_function("300 lights from JSON", |bencher| {
+        bencher.iter(|| json::decode(black_box(&text), &mut message).expect("a sound message"));
+    });
+    group.finish();
+    for (form, length) in [("bytes", bytes.len()), ("JSON", text.len())] {
+        table.row("messages", &format!("300 lights to {form}"), None, format!("{length} bytes"));
+        table.row("messages", &format!("300 lights to {form}, for one client more"), None, String::new());
+        table.row("messages", &format!("300 lights from {form}"), None, String::new());
+    }
 }
 
 /// The filter, and all steps from a raw frame to the list that leaves.

@@ -1,13 +1,14 @@
-//! Lists as JSON: what [`LightList::write_json_line`](crate::light::LightList::write_json_line) writes, without the line's end and with one key more at the end,
+//! Lists as JSON: what [`LightList::write_json_line`] writes, without the line's end and with one key more at the end,
 //! `"stream":{...}`, a [`Delivery`]. A program that knows lists and no streams reads it as a list.
+//!
+//! [`LightList::write_json_line`]: crate::light::LightList::write_json_line
 
 use super::{Delivery, MESSAGE_MAX_BYTES, Message};
 use crate::error::{Error, Result};
 
 /// Puts a message together from the JSON object of its list and the rest, into `message`.
 ///
-/// `list` is one JSON object with at least one key, as [`LightList::write_json_line`](crate::light::LightList::write_json_line)
-/// gives it, with its line's end or without.
+/// `list` is one JSON object with at least one key, with a line's end or without.
 pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     message.clear();
     message.extend_from_slice(list.trim_ascii_end().strip_suffix(b"}").unwrap_or(list));
@@ -19,7 +20,8 @@ pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
 /// Takes a message apart.
 ///
 /// # Errors
-/// Those of [`LightList::read_json`](crate::light::LightList::read_json); a `stream` that is missing or wrong; more than [`MESSAGE_MAX_BYTES`].
+/// Those of [`LightList::read_json`](crate::light::LightList::read_json); a `stream` that is missing or wrong; more
+/// than [`MESSAGE_MAX_BYTES`].
 pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     if bytes.len() > MESSAGE_MAX_BYTES {
         return Err(Error::failed(format!("has more than {MESSAGE_MAX_BYTES} bytes: no list has")));

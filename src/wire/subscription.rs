@@ -18,7 +18,7 @@ pub struct Subscription {
     pub rate_hz: Option<f64>,
     /// The shortest prefix whose published error is under this; the longest that `lights` allows where none is.
     pub error: Option<f32>,
-    /// So many lists wait for a slow client, 1 to [`QUEUE_MAX`]; one that is further behind gets the newest next. 1, the
+    /// So many lists wait for a slow client, 1 to 64; one that is further behind gets the newest next. 1, the
     /// default, is for those who show light, more for those who record it.
     pub queue: u32,
 }

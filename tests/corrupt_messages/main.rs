@@ -6,78 +6,21 @@
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
+mod counting;
+mod mutation;
+
+use counting::counted;
 use lightcast::error::Result;
 use lightcast::light::{Light, LightList, MAX_LIGHTS};
 use lightcast::wire::{Delivery, Demand, Message, Subscription, binary, json};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-use std::fmt::Write;
+use mutation::{XorShift, mutate, shown};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Inputs in total where nothing is said: some seconds.
-const INPUTS: usize = 200_000;
+const INPUTS: usize = 1_000_000;
 
 /// Bytes that a decoder may ask for beside a multiple of its input: what an error says, serde's scratch.
-const FEW_BYTES: usize = 4096;
-
-thread_local! {
-    /// Bytes that this thread has asked for.
-    static ASKED: Cell<usize> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-fn count(bytes: usize) {
-    // A thread that ends has no thread-local values any more.
-    let _ = ASKED.try_with(|asked| asked.set(asked.get() + bytes));
-}
-
-#[expect(unsafe_code, reason = "an allocator cannot be written otherwise; it only forwards to the system's")]
-// SAFETY: every call goes to the system allocator with the caller's own arguments; counting touches a
-// const-initialised thread-local `Cell` without destructor, which neither allocates nor unwinds.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: as the caller's.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: as the caller's.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size);
-        // SAFETY: as the caller's.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        // SAFETY: as the caller's.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Marsaglia's xorshift64.
-struct XorShift(u64);
-
-impl XorShift {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit as u64) as usize
-    }
-}
+const FEW_BYTES: usize = 1024;
 
 /// Where decoders put what they take.
 #[derive(Default)]
@@ -100,74 +43,10 @@ struct Target {
     fault: fn(&Result<()>, &Taken) -> Option<String>,
 }
 
-/// Changes some bytes, puts pieces in, takes ranges out or doubles them, or cuts; every eighth time all is made up.
-fn mutate(input: &mut Vec<u8>, target: &Target, random: &mut XorShift) {
-    input.clear();
-    if random.below(8) == 0 {
-        let length = random.below(200);
-        for _ in 0..length {
-            match random.below(4) {
-                0 if !target.pieces.is_empty() => {
-                    input.extend_from_slice(target.pieces[random.below(target.pieces.len())].as_bytes());
-                }
-                1 => input.push(random.next() as u8),
-                _ => input.push(b' ' + random.below(95) as u8),
-            }
-        }
-        return;
-    }
-    input.extend_from_slice(&target.sound[random.below(target.sound.len())]);
-    for _ in 0..1 + random.below(4) * random.below(2) {
-        // The heads of binary messages are where lengths are: half of the time they are hit.
-        let range = if random.below(2) == 0 { input.len() } else { input.len().min(160) };
-        if range == 0 {
-            return;
-        }
-        let at = random.below(range);
-        let end = input.len().min(at + 1 + random.below(24));
-        match random.below(10) {
-            0 => input[at] ^= 1 << random.below(8),
-            1 => input[at] = 0xff,
-            2 => input[at] = 0,
-            3 => input[at] = random.next() as u8,
-            4 if !target.pieces.is_empty() => {
-                let piece = target.pieces[random.below(target.pieces.len())].as_bytes();
-                let end = if random.below(2) == 0 { at } else { end };
-                input.splice(at..end, piece.iter().copied());
-            }
-            4 | 5 => input[at] = b'0' + random.below(10) as u8,
-            6 => drop(input.drain(at..end)),
-            7 => {
-                let range = input[at..end].to_vec();
-                input.splice(at..at, range);
-            }
-            8 => input.truncate(at),
-            _ => {
-                let word = input[at..end].len().min(4);
-                let value = [0, 1, 0x7f80_0000, 0x7fc0_0000, 0x8000_0000, u32::MAX][random.below(6)];
-                input[at..at + word].copy_from_slice(&u32::to_le_bytes(value)[..word]);
-            }
-        }
-    }
-}
-
-/// The input as it can be put into a test.
-fn shown(input: &[u8]) -> String {
-    let mut text = format!("{} bytes: b\"{}\"", input.len(), input.escape_ascii());
-    let most = 20_000;
-    if text.len() > most {
-        text.truncate(most);
-        write!(text, "... (cut)").unwrap();
-    }
-    text
-}
-
 /// Whether an input is taken; fails with the input where something is wrong.
 fn decode(target: &Target, input: &[u8], taken: &mut Taken) -> bool {
     let limit = target.asked_per_byte * input.len() + FEW_BYTES;
-    let before = ASKED.get();
-    let result = catch_unwind(AssertUnwindSafe(|| (target.decode)(input, taken)));
-    let asked = ASKED.get() - before;
+    let (result, asked) = counted(|| catch_unwind(AssertUnwindSafe(|| (target.decode)(input, taken))));
     let fault = match result {
         Err(_) => "panicked".to_owned(),
         Ok(_) if asked > limit => format!("asked for {asked} bytes; {limit} are allowed"),
@@ -191,7 +70,7 @@ fn survive(target: &Target, seed: u64) {
     }
     let (mut sound, mut bytes) = (0, 0);
     for number in 0..inputs {
-        mutate(&mut input, target, &mut random);
+        mutate(&mut input, &target.sound, target.pieces, &mut random);
         bytes += input.len();
         if number % 4 == 0 {
             taken = Taken::default(); // no storage to use again
@@ -213,18 +92,20 @@ fn fault_in(message: &Message) -> Option<String> {
             && light.irradiance.iter().all(|v| (0.0..=1e30).contains(v))
             && (0.0..=std::f32::consts::PI).contains(&light.spread_rad)
     });
-    let errors_sound = list.prefix_errors.iter().all(|&(_, error)| error >= 0.0 && error.is_finite());
+    let is_error = |error: f32| error >= 0.0 && error.is_finite();
+    let errors_sound = list.prefix_errors.iter().all(|&(_, error)| is_error(error)) && is_error(list.error);
     let power_sound = list.power.iter().all(|v| (0.0..=1e36).contains(v));
     let mut ids: Vec<u32> = list.lights.iter().map(|light| light.id).collect();
     ids.sort_unstable();
     ids.dedup();
-    let faults = [
-        (!lights_sound, "a light is not sound"),
-        (!errors_sound || !(list.error >= 0.0 && list.error.is_finite()), "an error is not sound"),
-        (!power_sound || !list.stamp.frame_rate_hz.is_finite(), "power or rate is not sound"),
-        (list.lights.len() > MAX_LIGHTS || ids.len() < list.lights.len(), "lights are too many or double"),
+    let all = [
+        (lights_sound, "a light is not sound"),
+        (errors_sound, "an error is not sound"),
+        (power_sound, "the power is not sound"),
+        (list.stamp.frame_rate_hz.is_finite(), "the frame rate is not sound"),
+        (list.lights.len() <= MAX_LIGHTS && ids.len() == list.lights.len(), "lights are too many or double"),
     ];
-    faults.iter().find(|(is_so, _)| *is_so).map(|(_, fault)| (*fault).to_owned())
+    all.iter().find(|(is_sound, _)| !is_sound).map(|(_, fault)| (*fault).to_owned())
 }
 
 /// Lists with some, one and no light.
@@ -352,8 +233,8 @@ fn mutated_queries_never_panic() {
             "&", "=", "%", "%00", "%ff", "+", "lights=", "rate_hz=", "error=", "queue=", "1e999", "nan",
             "inf", "-0",
         ],
-        // Keys and values are decoded one by one, and an error says one of them again.
-        asked_per_byte: 8,
+        // Text is made of the bytes, keys and values are decoded one by one, and an error says one of them again.
+        asked_per_byte: 12,
         decode: |bytes, taken| {
             taken.subscription = Subscription::from_query(&String::from_utf8_lossy(bytes))?;
             Ok(())
@@ -402,4 +283,28 @@ fn mutated_subscriptions_never_panic() {
         fault: subscription_fault,
     };
     survive(&target, 0x2545_f491_4f6c_dd1d);
+}
+
+/// What would grow most: values that are short as text, in keys that are known and in others.
+#[test]
+fn long_messages_take_a_small_multiple_of_their_length() {
+    let stamp = r#""version":1,"sequence":1,"capture_time_ns":0,"lost_before":0,"frame_rate_hz":25.0"#;
+    let light = r#"{"id":1,"direction":[0,1,0],"irradiance":[1,1,1],"spread_rad":0},"#;
+    for (key, value, end) in [
+        ("other", "0,", "0]"),
+        ("other", "\"\\u0000\",", "0]"),
+        ("other", "{\"\":0},", "0]"),
+        ("prefix_errors", "[0,0],", "[0,0]]"),
+        ("lights", light, "0]"),
+        ("power", "0,", "0]"),
+        ("stream", "0,", "0]"),
+    ] {
+        let values = value.repeat((1 << 20) / value.len());
+        let text = format!("{{{stamp},\"{key}\":[{values}{end}}}");
+        let mut message = Message::default();
+        let (outcome, asked) = counted(|| json::decode(text.as_bytes(), &mut message));
+        assert!(outcome.is_err());
+        eprintln!("{key} {value}: {asked} bytes for {}", text.len());
+        assert!(asked < 6 * text.len(), "{key} {value}: {asked} bytes for {}", text.len());
+    }
 }

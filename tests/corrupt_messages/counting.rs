@@ -1,0 +1,54 @@
+//! An allocator that counts what every thread asks for.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+thread_local! {
+    /// Bytes that this thread has asked for.
+    static ASKED: Cell<usize> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+fn count(bytes: usize) {
+    // A thread that ends has no thread-local values any more.
+    let _ = ASKED.try_with(|asked| asked.set(asked.get() + bytes));
+}
+
+#[expect(unsafe_code, reason = "an allocator cannot be written otherwise; it only forwards to the system's")]
+// SAFETY: every call goes to the system allocator with the caller's own arguments; counting touches a
+// const-initialised thread-local `Cell` without destructor, which neither allocates nor unwinds.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: as the caller's.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: as the caller's.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size);
+        // SAFETY: as the caller's.
+        unsafe { System.realloc(block, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: as the caller's.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// What `work` gives, and the bytes that it asked for; what was given back meanwhile counts too.
+pub fn counted<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let before = ASKED.get();
+    let result = work();
+    (result, ASKED.get() - before)
+}
