@@ -1,0 +1,258 @@
+// A small scene, lit by the lights as they arrive.
+
+import { fit, luminance, program } from "./gl.js";
+import { capsule, ground, roundedBox } from "./meshes.js";
+import { GROUND, SELF, THINGS, VERTEX, fragment } from "./scene_shader.js";
+
+/** Lights that the scene is lit by; the others join them. */
+export const SCENE_LIGHTS = 64;
+/** Least angular radius of a light: shadows are no sharper, so that their edges do not flicker. */
+const LEAST_RADIUS_RAD = 0.006;
+const BACKGROUND = [0x17, 0x1a, 0x1f].map((code) => code / 255);
+/** Brightness of the ground that the exposure aims at, and how fast it gets there. */
+const KEY = 0.42;
+const ADAPTATION_S = 1.2;
+/** A picture that takes longer is drawn coarser, one that takes less finer. */
+const SLOW_MS = 45;
+const FAST_MS = 18;
+const LEAST_SCALE = 0.35;
+
+/** The first `most` lights, which the others have joined: the nearest one each, so that the power is kept. */
+export function firstLights(lights, most) {
+  // Length: the flux that is left of it; a light that is spread is short.
+  const moments = lights.slice(0, most).map(({ direction, irradiance, spread_rad }) => {
+    const flux = luminance(irradiance);
+    return { direction, irradiance: [...irradiance], flux, sum: direction.map((part) => part * flux * Math.cos(spread_rad)), spread_rad };
+  });
+  for (const light of lights.slice(most)) {
+    let nearest = null;
+    let most = -Infinity;
+    for (const head of moments) {
+      const near = head.direction[0] * light.direction[0] + head.direction[1] * light.direction[1] + head.direction[2] * light.direction[2];
+      if (near > most) [nearest, most] = [head, near];
+    }
+    const flux = luminance(light.irradiance);
+    nearest.flux += flux;
+    for (let i = 0; i < 3; i++) {
+      nearest.irradiance[i] += light.irradiance[i];
+      nearest.sum[i] += light.direction[i] * flux * Math.cos(light.spread_rad);
+    }
+  }
+  return moments.map(({ direction, irradiance, flux, sum, spread_rad }) => {
+    const length = Math.hypot(...sum);
+    if (!(length > 0)) return { direction, irradiance, spread_rad };
+    return { direction: sum.map((part) => part / length), irradiance, spread_rad: Math.acos(Math.min(1, length / flux)) };
+  });
+}
+
+export class Scene {
+  #canvas;
+  #gl;
+  #draw = null;
+  #buffer = null;
+  #parts = [];
+  #lights = new Float32Array(8 * SCENE_LIGHTS);
+  #count = 0;
+  #fromGround = [0, 0, 0];
+  #exposure = null;
+  #adapted_ms = 0;
+  #fence = null;
+  #fenced_ms = 0;
+  #scale = 1;
+  #stale = true;
+  #azimuth = Math.PI / 2 + 0.35;
+  #elevation = 0.42;
+  #turned;
+
+  /** `turned(azimuth)` is told where the scene is looked at to. */
+  constructor(canvas, turned) {
+    this.#canvas = canvas;
+    this.#turned = turned;
+    this.#gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+    if (this.#gl === null) return;
+    this.#build();
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => this.#build());
+    this.#listen();
+  }
+
+  /** Whether the browser can draw it. */
+  get works() {
+    return this.#gl !== null;
+  }
+
+  #build() {
+    const gl = this.#gl;
+    this.#fence = null;
+    this.#draw = program(gl, VERTEX, fragment(SCENE_LIGHTS));
+    gl.uniformBlockBinding(this.#draw.program, gl.getUniformBlockIndex(this.#draw.program, "Lights"), 0);
+    this.#buffer = gl.createBuffer();
+    gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, this.#buffer);
+    gl.bufferData(gl.UNIFORM_BUFFER, this.#lights, gl.DYNAMIC_DRAW);
+    const { sphere, ball, box, stick } = THINGS;
+    // The ground last: most of it is behind the others.
+    this.#parts = [
+      this.#part(SELF.sphere, sphere, capsule(sphere.centre, 0, sphere.radius)),
+      this.#part(SELF.ball, ball, capsule(ball.centre, 0, ball.radius)),
+      this.#part(SELF.box, box, roundedBox(box.centre, box.half, box.turn, box.rounding)),
+      this.#part(SELF.stick, stick, capsule(stick.from, stick.length, stick.radius)),
+      this.#part(SELF.ground, GROUND, ground(GROUND.radius)),
+    ];
+    gl.enable(gl.DEPTH_TEST);
+    this.#stale = true;
+  }
+
+  #part(self, material, { vertices, indices }) {
+    const gl = this.#gl;
+    const array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(vertices), gl.STATIC_DRAW);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint16Array(indices), gl.STATIC_DRAW);
+    for (const place of [0, 1]) {
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 24, 12 * place);
+    }
+    return { self, material, array, count: indices.length };
+  }
+
+  #listen() {
+    const canvas = this.#canvas;
+    let last = null;
+    canvas.addEventListener("pointerdown", (event) => {
+      last = [event.clientX, event.clientY];
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (last === null) return;
+      this.#turn((event.clientX - last[0]) * 0.008, (event.clientY - last[1]) * 0.006);
+      last = [event.clientX, event.clientY];
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => (last = null));
+    canvas.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.05], ArrowDown: [0, -0.05] }[event.key];
+      if (step === undefined) return;
+      event.preventDefault();
+      this.#turn(...step);
+    });
+    this.#turn(0, 0);
+  }
+
+  #turn(azimuth, elevation) {
+    this.#azimuth += azimuth;
+    this.#elevation = Math.min(1.35, Math.max(0.08, this.#elevation + elevation));
+    this.#stale = true;
+    // Looked at to the other side of where the eye is.
+    this.#turned(this.#azimuth + Math.PI);
+  }
+
+  /** Takes the lights of a list; what the horizon hides does not light the scene. */
+  setLights(lights) {
+    const up = [0, 0, 0];
+    this.#count = 0;
+    for (const { direction, irradiance, spread_rad } of firstLights(lights, SCENE_LIGHTS)) {
+      // RMS angle of a disc times this is its radius.
+      const radius = Math.min(Math.max(Math.SQRT2 * spread_rad, LEAST_RADIUS_RAD), 1.2);
+      const above = Math.min(1, Math.max(0, (direction[1] + Math.sin(radius)) / (2 * Math.sin(radius))));
+      if (above === 0) continue;
+      const shown = irradiance.map((part) => part * above);
+      this.#lights.set([...direction, radius], 4 * this.#count);
+      this.#lights.set([...shown, Math.sin(radius)], 4 * (SCENE_LIGHTS + this.#count));
+      for (let i = 0; i < 3; i++) up[i] += shown[i] * Math.max(direction[1], 0);
+      this.#count++;
+    }
+    this.#fromGround = up.map((part, i) => (part * GROUND.colour[i]) / Math.PI);
+    this.#stale = true;
+  }
+
+  /** To be called for every picture of the screen; draws when there is something new and the last one is done. */
+  frame(now_ms) {
+    const gl = this.#gl;
+    if (gl === null || gl.isContextLost() || this.#busy(now_ms) || this.#canvas.clientWidth === 0) return;
+    const adapting = this.#adapt(now_ms);
+    const resized = fit(this.#canvas, this.#scale);
+    if (!this.#stale && !adapting && !resized) return;
+    this.#stale = false;
+    this.#render();
+    this.#fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.#fenced_ms = now_ms;
+    gl.flush();
+  }
+
+  /** Whether the last picture still is being drawn; how long that takes decides how fine the next ones are. */
+  #busy(now_ms) {
+    if (this.#fence === null) return false;
+    const gl = this.#gl;
+    const took_ms = now_ms - this.#fenced_ms;
+    if (gl.getSyncParameter(this.#fence, gl.SYNC_STATUS) !== gl.SIGNALED && took_ms < 2000) return true;
+    gl.deleteSync(this.#fence);
+    this.#fence = null;
+    if (took_ms > SLOW_MS) this.#scale = Math.max(LEAST_SCALE, this.#scale * 0.85);
+    else if (took_ms < FAST_MS) this.#scale = Math.min(1, this.#scale * 1.05);
+    return false;
+  }
+
+  /** Moves the exposure on; true while it is on its way. */
+  #adapt(now_ms) {
+    const passed_s = Math.min((now_ms - this.#adapted_ms) / 1e3, 1);
+    this.#adapted_ms = now_ms;
+    const ground = luminance(this.#fromGround);
+    if (!(ground > 0)) return false;
+    const wanted = Math.log(KEY / ground);
+    if (this.#exposure === null) this.#exposure = wanted;
+    const left = wanted - this.#exposure;
+    this.#exposure += left * (1 - Math.exp(-passed_s / ADAPTATION_S));
+    return Math.abs(left) > 0.01;
+  }
+
+  #render() {
+    const gl = this.#gl;
+    const { width, height } = this.#canvas;
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(...BACKGROUND, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(this.#draw.program);
+    gl.bindBuffer(gl.UNIFORM_BUFFER, this.#buffer);
+    gl.bufferSubData(gl.UNIFORM_BUFFER, 0, this.#lights);
+    const { eye, camera } = view(this.#azimuth, this.#elevation, width / height);
+    const { uniform } = this.#draw;
+    gl.uniformMatrix4fv(uniform("camera"), false, camera);
+    gl.uniform3fv(uniform("eye"), eye);
+    gl.uniform1i(uniform("count"), this.#count);
+    gl.uniform3fv(uniform("from_ground"), this.#fromGround);
+    gl.uniform3fv(uniform("background"), BACKGROUND);
+    gl.uniform1f(uniform("exposure"), Math.exp(this.#exposure ?? 0));
+    for (const { self, material, array, count } of this.#parts) {
+      gl.uniform1i(uniform("self"), self);
+      gl.uniform3fv(uniform("albedo"), material.colour);
+      gl.uniform1f(uniform("metal"), material.metal);
+      gl.uniform1f(uniform("roughness"), material.roughness);
+      gl.bindVertexArray(array);
+      gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_SHORT, 0);
+    }
+  }
+}
+
+/** The eye's place and the matrix from the world to the picture, its columns one after the other. */
+function view(azimuth, elevation, aspect) {
+  const target = [0, 0.52, 0.1];
+  const back = [Math.cos(elevation) * Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation) * Math.sin(azimuth)];
+  const right = [Math.sin(azimuth), 0, -Math.cos(azimuth)];
+  const up = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
+  // Half the picture's height at distance 1; a narrow picture sees as much across as a square one.
+  const half = 0.3 * Math.max(1, 1.25 / aspect);
+  const distance = 5.4;
+  const eye = target.map((part, i) => part + distance * back[i]);
+  const [near, far] = [1, 20];
+  const along = (axis) => -(axis[0] * eye[0] + axis[1] * eye[1] + axis[2] * eye[2]);
+  const [sx, sy] = [1 / (half * aspect), 1 / half];
+  const [a, b] = [(near + far) / (near - far), (2 * near * far) / (near - far)];
+  const camera = new Float32Array([
+    sx * right[0], sy * up[0], a * back[0], -back[0],
+    sx * right[1], sy * up[1], a * back[1], -back[1],
+    sx * right[2], sy * up[2], a * back[2], -back[2],
+    sx * along(right), sy * along(up), a * along(back) + b, -along(back),
+  ]);
+  return { eye, camera };
+}
