@@ -28,13 +28,24 @@ function joined(parts) {
 }
 
 /** A standing capsule: all points within `radius` of the line from `from` up by `length`; a sphere where that is 0. */
-export function capsule(from, length, radius) {
-  return grid(64, 48, (u, v) => {
+export function capsule(from, length, radius, segments) {
+  // An even number of rows: the one in the middle is the equator.
+  return grid(segments, segments / 2, (u, v) => {
     const [azimuth, polar] = [2 * Math.PI * u, Math.PI * v];
     const normal = [Math.sin(polar) * Math.cos(azimuth), Math.cos(polar), Math.sin(polar) * Math.sin(azimuth)];
-    const lift = v <= 0.5 ? length : 0;
+    const lift = v < 0.5 ? length : 0;
     return [...normal.map((part, axis) => from[axis] + radius * part + (axis === 1 ? lift : 0)), ...normal];
   });
+}
+
+/** Strips of a box's face: those that bend at either edge, and the flat one between. */
+const STRIPS = 9;
+
+/** From -1 to 1, with one strip for all but the `bend` at the ends. */
+function strip(part, bend) {
+  const step = Math.round(part * STRIPS);
+  const bent = (STRIPS - 1) / 2;
+  return step <= bent ? (bend * step) / bent - 1 : 1 - (bend * (STRIPS - step)) / bent;
 }
 
 /** A box about `centre`, turned about +Y, its edges rounded. */
@@ -44,13 +55,12 @@ export function roundedBox(centre, half, turn, rounding) {
   const faces = [];
   for (let axis = 0; axis < 3; axis++) {
     for (const side of [-1, 1]) {
-      faces.push(grid(32, 32, (u, v) => {
-        // Closer together at the edges, where the surface bends.
-        const dense = (w) => Math.tan((w - 0.5) * 2.6) / Math.tan(1.3);
+      faces.push(grid(STRIPS, STRIPS, (u, v) => {
         const cube = [0, 0, 0];
         cube[axis] = side;
-        cube[(axis + 1) % 3] = dense(u);
-        cube[(axis + 2) % 3] = dense(v);
+        const [across, along] = [(axis + 1) % 3, (axis + 2) % 3];
+        cube[across] = strip(u, rounding / half[across]);
+        cube[along] = strip(v, rounding / half[along]);
         const point = cube.map((part, i) => part * half[i]);
         const inner = point.map((part, i) => Math.min(Math.max(part, rounding - half[i]), half[i] - rounding));
         const out = point.map((part, i) => part - inner[i]);

@@ -5,7 +5,7 @@ import { Age } from "/age.js";
 import { luminance } from "/gl.js";
 import { MapDisc } from "/map.js";
 import { History, drawPlot } from "/plots.js";
-import { SCENE_LIGHTS, Scene } from "/scene.js";
+import { Scene } from "/scene.js";
 import { parseStages, showStages } from "/stages.js";
 
 const MAP_EVERY_MS = 500;
@@ -183,7 +183,7 @@ async function fetchMap() {
   const thetaMax = Number(answer.headers.get("Lightcast-Theta-Max-Rad"));
   map.setMap(await createImageBitmap(await answer.blob()), thetaMax);
   document.body.dataset.mapSequence = answer.headers.get("Lightcast-Sequence");
-  say("map-note", `as seen from below; rim at ${Math.round((thetaMax * 180) / Math.PI)}\u00b0 from the zenith`);
+  say("map-note", `seen from below, rim at ${Math.round((thetaMax * 180) / Math.PI)}\u00b0`);
   changed = true;
 }
 
@@ -250,6 +250,11 @@ function showNumbers() {
   showState();
   if (list === null) return;
   const step = interval();
+  if (scene.works) {
+    const joined = scene.lightCount < list.lights.length ? `, joined from ${list.lights.length}` : "";
+    say("scene-note", `by ${scene.lightCount} lights${joined}`);
+  }
+  say("sequence", String(list.sequence));
   say("arriving", String(list.lights.length));
   say("error", percent(list.error));
   say("rate", step > 0 ? (1e3 / step).toFixed(1) : "\u2013");
@@ -277,7 +282,7 @@ new ResizeObserver(() => {
   changed = true;
   map.drawMap();
 }).observe(at("disc"));
-say("scene-note", scene.works ? `by ${SCENE_LIGHTS} lights at most; further ones join the nearest` : "this browser has no WebGL 2 to draw it");
+if (!scene.works) say("scene-note", "this browser has no WebGL 2 to draw it");
 setInterval(showNumbers, TEXT_EVERY_MS);
 repeat(fetchMap, MAP_EVERY_MS);
 repeat(fetchStages, METRICS_EVERY_MS);

@@ -4,18 +4,23 @@ import { fit, luminance, program } from "./gl.js";
 import { capsule, ground, roundedBox } from "./meshes.js";
 import { GROUND, SELF, THINGS, VERTEX, fragment } from "./scene_shader.js";
 
-/** Lights that the scene is lit by; the others join them. */
-export const SCENE_LIGHTS = 64;
+/** Most lights that the scene is lit by; the others join them. */
+const MOST_LIGHTS = 64;
 /** Least angular radius of a light: shadows are no sharper, so that their edges do not flicker. */
 const LEAST_RADIUS_RAD = 0.006;
 const BACKGROUND = [0x17, 0x1a, 0x1f].map((code) => code / 255);
 /** Brightness of the ground that the exposure aims at, and how fast it gets there. */
 const KEY = 0.42;
 const ADAPTATION_S = 1.2;
-/** A picture that takes longer is drawn coarser, one that takes less finer. */
+/**
+ * How fine pictures are: pixels of the screen's along an edge, and lights. One that takes longer than it should makes the
+ * next ones coarser, many that take less make them finer.
+ */
+const QUALITIES = [[1, 64], [0.8, 64], [0.65, 64], [0.5, 64], [0.5, 32], [0.5, 16], [0.4, 16], [0.35, 8]];
+const FIRST_QUALITY = 3;
 const SLOW_MS = 45;
-const FAST_MS = 18;
-const LEAST_SCALE = 0.35;
+const FAST_MS = 25;
+const FAST_IN_A_ROW = 40;
 
 /** The first `most` lights, which the others have joined: the nearest one each, so that the power is kept. */
 export function firstLights(lights, most) {
@@ -51,14 +56,19 @@ export class Scene {
   #draw = null;
   #buffer = null;
   #parts = [];
-  #lights = new Float32Array(8 * SCENE_LIGHTS);
+  #lights = new Float32Array(8 * MOST_LIGHTS);
   #count = 0;
   #fromGround = [0, 0, 0];
   #exposure = null;
   #adapted_ms = 0;
   #fence = null;
   #fenced_ms = 0;
-  #scale = 1;
+  #quality = FIRST_QUALITY;
+  #fast = 0;
+  /** So many pictures have to be fast before a finer one is tried; more when that has turned out too slow. */
+  #patience = 3;
+  #list = [];
+  #rest_ms = 0;
   #stale = true;
   #azimuth = Math.PI / 2 + 0.35;
   #elevation = 0.42;
@@ -68,7 +78,12 @@ export class Scene {
   constructor(canvas, turned) {
     this.#canvas = canvas;
     this.#turned = turned;
-    this.#gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+    // Without a graphics processor edges are left as they are, which is three times as fast.
+    this.#gl = canvas.getContext("webgl2", { antialias: true, alpha: false, failIfMajorPerformanceCaveat: true });
+    if (this.#gl === null) {
+      this.#quality = QUALITIES.length - 1;
+      this.#gl = canvas.getContext("webgl2", { antialias: false, alpha: false });
+    }
     if (this.#gl === null) return;
     this.#build();
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -84,7 +99,7 @@ export class Scene {
   #build() {
     const gl = this.#gl;
     this.#fence = null;
-    this.#draw = program(gl, VERTEX, fragment(SCENE_LIGHTS));
+    this.#draw = program(gl, VERTEX, fragment(MOST_LIGHTS));
     gl.uniformBlockBinding(this.#draw.program, gl.getUniformBlockIndex(this.#draw.program, "Lights"), 0);
     this.#buffer = gl.createBuffer();
     gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, this.#buffer);
@@ -92,10 +107,10 @@ export class Scene {
     const { sphere, ball, box, stick } = THINGS;
     // The ground last: most of it is behind the others.
     this.#parts = [
-      this.#part(SELF.sphere, sphere, capsule(sphere.centre, 0, sphere.radius)),
-      this.#part(SELF.ball, ball, capsule(ball.centre, 0, ball.radius)),
+      this.#part(SELF.sphere, sphere, capsule(sphere.centre, 0, sphere.radius, 64)),
+      this.#part(SELF.ball, ball, capsule(ball.centre, 0, ball.radius, 48)),
       this.#part(SELF.box, box, roundedBox(box.centre, box.half, box.turn, box.rounding)),
-      this.#part(SELF.stick, stick, capsule(stick.from, stick.length, stick.radius)),
+      this.#part(SELF.stick, stick, capsule(stick.from, stick.length, stick.radius, 16)),
       this.#part(SELF.ground, GROUND, ground(GROUND.radius)),
     ];
     gl.enable(gl.DEPTH_TEST);
@@ -147,18 +162,29 @@ export class Scene {
     this.#turned(this.#azimuth + Math.PI);
   }
 
-  /** Takes the lights of a list; what the horizon hides does not light the scene. */
+  /** Number of lights that the scene is lit by. */
+  get lightCount() {
+    return Math.min(this.#list.length, QUALITIES[this.#quality][1]);
+  }
+
+  /** Takes the lights of a list. */
   setLights(lights) {
+    this.#list = lights;
+    this.#joinLights();
+  }
+
+  /** What the horizon hides does not light the scene. */
+  #joinLights() {
     const up = [0, 0, 0];
     this.#count = 0;
-    for (const { direction, irradiance, spread_rad } of firstLights(lights, SCENE_LIGHTS)) {
+    for (const { direction, irradiance, spread_rad } of firstLights(this.#list, this.lightCount)) {
       // RMS angle of a disc times this is its radius.
       const radius = Math.min(Math.max(Math.SQRT2 * spread_rad, LEAST_RADIUS_RAD), 1.2);
       const above = Math.min(1, Math.max(0, (direction[1] + Math.sin(radius)) / (2 * Math.sin(radius))));
       if (above === 0) continue;
       const shown = irradiance.map((part) => part * above);
       this.#lights.set([...direction, radius], 4 * this.#count);
-      this.#lights.set([...shown, Math.sin(radius)], 4 * (SCENE_LIGHTS + this.#count));
+      this.#lights.set([...shown, Math.sin(radius)], 4 * (MOST_LIGHTS + this.#count));
       for (let i = 0; i < 3; i++) up[i] += shown[i] * Math.max(direction[1], 0);
       this.#count++;
     }
@@ -171,7 +197,7 @@ export class Scene {
     const gl = this.#gl;
     if (gl === null || gl.isContextLost() || this.#busy(now_ms) || this.#canvas.clientWidth === 0) return;
     const adapting = this.#adapt(now_ms);
-    const resized = fit(this.#canvas, this.#scale);
+    const resized = fit(this.#canvas, QUALITIES[this.#quality][0]);
     if (!this.#stale && !adapting && !resized) return;
     this.#stale = false;
     this.#render();
@@ -180,17 +206,37 @@ export class Scene {
     gl.flush();
   }
 
-  /** Whether the last picture still is being drawn; how long that takes decides how fine the next ones are. */
+  /** Whether the last picture still is being drawn, or was so slow that the rest of the page has to come first. */
   #busy(now_ms) {
-    if (this.#fence === null) return false;
     const gl = this.#gl;
-    const took_ms = now_ms - this.#fenced_ms;
-    if (gl.getSyncParameter(this.#fence, gl.SYNC_STATUS) !== gl.SIGNALED && took_ms < 2000) return true;
-    gl.deleteSync(this.#fence);
-    this.#fence = null;
-    if (took_ms > SLOW_MS) this.#scale = Math.max(LEAST_SCALE, this.#scale * 0.85);
-    else if (took_ms < FAST_MS) this.#scale = Math.min(1, this.#scale * 1.05);
-    return false;
+    if (this.#fence !== null) {
+      const took_ms = now_ms - this.#fenced_ms;
+      if (gl.getSyncParameter(this.#fence, gl.SYNC_STATUS) !== gl.SIGNALED && took_ms < 5000) return true;
+      gl.deleteSync(this.#fence);
+      this.#fence = null;
+      this.#judge(took_ms);
+      this.#rest_ms = took_ms < SLOW_MS ? 0 : now_ms + took_ms;
+    }
+    return now_ms < this.#rest_ms;
+  }
+
+  /** How long a picture took decides how fine the next ones are. */
+  #judge(took_ms) {
+    const before = this.#quality;
+    if (took_ms > SLOW_MS) {
+      const cost = ([scale, lights]) => scale * scale * lights;
+      const most = (cost(QUALITIES[before]) * SLOW_MS) / took_ms;
+      const fitting = QUALITIES.findIndex((quality) => cost(quality) <= most);
+      this.#quality = fitting === -1 ? QUALITIES.length - 1 : fitting;
+      this.#patience = Math.min(Math.max(2 * this.#patience, FAST_IN_A_ROW), 64 * FAST_IN_A_ROW);
+      this.#fast = 0;
+    } else if (took_ms > FAST_MS) {
+      this.#fast = 0;
+    } else if (++this.#fast > this.#patience && this.#quality > 0) {
+      this.#quality--;
+      this.#fast = 0;
+    }
+    if (this.#quality !== before) this.#joinLights();
   }
 
   /** Moves the exposure on; true while it is on its way. */

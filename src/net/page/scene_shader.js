@@ -2,14 +2,17 @@
 // a ball, a box and a stick, and how far a ray passes from each of them is known exactly, so that shadows are as soft as
 // the light is spread and have no grain.
 
-/** Things of the scene; lengths in the scene's own units. The colours are albedos, linear Rec. 709. */
+/**
+ * Things of the scene; lengths in the scene's own units. The colours are albedos, linear Rec. 709. The rounded lower edges
+ * of the box are below the ground.
+ */
 export const THINGS = {
   sphere: { centre: [-0.88, 0.72, 0.05], radius: 0.72, colour: [0.78, 0.76, 0.72], metal: 0, roughness: 0.55 },
   ball: { centre: [0.22, 0.31, 0.98], radius: 0.31, colour: [0.95, 0.79, 0.55], metal: 1, roughness: 0.36 },
-  box: { centre: [0.86, 0.5, -0.35], half: [0.5, 0.5, 0.5], turn: 0.55, rounding: 0.05, colour: [0.55, 0.19, 0.1], metal: 0, roughness: 0.5 },
-  stick: { from: [0.02, 0, -0.75], length: 1.75, radius: 0.045, colour: [0.7, 0.7, 0.7], metal: 0, roughness: 0.5 },
+  box: { centre: [0.86, 0.46, -0.35], half: [0.5, 0.54, 0.5], turn: 0.55, rounding: 0.05, colour: [0.55, 0.19, 0.1], metal: 0, roughness: 0.5 },
+  stick: { from: [1.3, 0, 0.8], length: 1.15, radius: 0.04, colour: [0.7, 0.7, 0.7], metal: 0, roughness: 0.5 },
 };
-export const GROUND = { radius: 6, colour: [0.42, 0.43, 0.45], metal: 0, roughness: 0.8 };
+export const GROUND = { radius: 8, colour: [0.42, 0.43, 0.45], metal: 0, roughness: 1 };
 
 /** Which thing a surface belongs to, so that it does not shadow itself. */
 export const SELF = { ground: 0, sphere: 1, ball: 2, box: 3, stick: 4 };
@@ -58,15 +61,16 @@ float cut(float s, float r) {
   return smoothstep(-r, r, s);
 }
 
-// Of a light of angular radius r in direction l, the part that a sphere hides.
+// Of a light of angular radius r in direction l, the part that a sphere hides. Angles are taken for their tangents: here,
+// by how much the ray misses the sphere, against the way to there.
 float by_sphere(vec3 centre, float radius, vec3 l, float r) {
   vec3 to = centre - point;
   float along = dot(to, l);
-  float far = length(to);
-  float size = asin(min(radius / far, 1.0));
-  float apart = acos(clamp(along / far, -1.0, 1.0));
-  float covered = min(1.0, size * size / (r * r));
-  return covered * cut(size - apart, r);
+  if (along <= 0.0) return 0.0;
+  float far2 = dot(to, to);
+  float apart = sqrt(max(far2 - along * along, 0.0));
+  // One that looks smaller than the light cannot hide all of it.
+  return min(1.0, radius * radius / (far2 * r * r)) * cut((radius - apart) / along, r);
 }
 
 // By a standing capsule: the closest approach of the ray to its axis.
@@ -83,8 +87,9 @@ float by_stick(vec3 l, float r) {
   return cut(apart + size, r) - cut(apart - size, r);
 }
 
-// By a box: the ray enters it at the last of three planes and leaves it at the first of three others. What lies between
-// is negative for a ray that misses; divided by how fast it changes sideways it is the distance from the edge.
+// By a box: the ray is inside between the last of three planes that it enters by and the first of three that it leaves by.
+// For one of each, the way between them is negative for a ray that misses their edge; divided by how fast it changes
+// sideways it is the distance from that edge. The least of the six counts.
 float by_box(vec3 l, float r) {
   const float c = ${number(Math.cos(box.turn))};
   const float s = ${number(Math.sin(box.turn))};
@@ -99,14 +104,13 @@ float by_box(vec3 l, float r) {
   vec3 leave = middle + span;
   float first = max(max(enter.x, enter.y), enter.z);
   float last = min(min(leave.x, leave.y), leave.z);
-  if (last <= 0.0 && first <= 0.0) return 0.0;
-  vec3 entered = vec3(equal(enter, vec3(first)));
-  vec3 left = vec3(equal(leave, vec3(last)));
-  float sideways = length((entered - left) * slope);
   float along = 0.5 * (first + last);
   if (along <= 0.0) return 0.0;
-  float inside = (last - first) / max(sideways, 1e-4);
-  return cut(inside / along, r);
+  // Of the planes' directions the pairs y and z, z and x, x and y.
+  vec3 steep = slope * slope;
+  vec3 sideways = inversesqrt(steep.yzx + steep.zxy);
+  vec3 inside = min(leave.yzx - enter.zxy, leave.zxy - enter.yzx) * sideways;
+  return cut(min(min(inside.x, inside.y), inside.z) / along, r);
 }
 
 float lit(vec3 l, float r) {
@@ -139,6 +143,7 @@ void main() {
     if (nl <= 0.0) continue;
     vec3 e = irradiance_sine[i].rgb * (nl * lit(l, r));
     diffuse += e;
+    if (self == ${SELF.ground}) continue;
     // GGX, as much wider as the light is.
     vec3 h = normalize(l + v);
     float a = min(roughness * roughness + 0.35 * r, 1.0);
@@ -146,7 +151,9 @@ void main() {
     float lobe = a / (nh * nh * (a * a - 1.0) + 1.0);
     float k = 0.5 * a;
     float shape = lobe * lobe / (4.0 * PI * (nv * (1.0 - k) + k) * (max(nl, 1e-3) * (1.0 - k) + k));
-    vec3 fresnel = f0 + (1.0 - f0) * pow(1.0 - max(dot(v, h), 0.0), 5.0);
+    float grazing = 1.0 - max(dot(v, h), 0.0);
+    float grazing2 = grazing * grazing;
+    vec3 fresnel = f0 + (1.0 - f0) * (grazing2 * grazing2 * grazing);
     mirrored += e * shape * fresnel;
   }
   vec3 body = albedo * (1.0 - metal) * 0.96;
@@ -162,7 +169,7 @@ void main() {
   // Reinhard's global operator; 6 becomes white.
   radiance *= (1.0 + bright / 36.0) / (1.0 + bright);
   vec3 shown = mix(1.055 * pow(max(radiance, 0.0), vec3(1.0 / 2.4)) - 0.055, 12.92 * radiance, lessThan(radiance, vec3(0.0031308)));
-  if (self == ${SELF.ground}) shown = mix(shown, background, smoothstep(1.6, ${number(GROUND.radius)}, length(point.xz)));
+  if (self == ${SELF.ground}) shown = mix(shown, background, smoothstep(1.8, ${number(GROUND.radius)}, length(point.xz)));
   // Half a step of grain against bands.
   colour = vec4(shown + (noise(gl_FragCoord.xy) - 0.5) / 255.0, 1.0);
 }`;
