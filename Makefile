@@ -2,6 +2,7 @@
 # make test      formatting, lints, documentation, all tests
 # make test-camera  the camera against real kernel drivers, in an emulated guest; part of make test
 # make test-camera-broken  shows that each of these checks fails when the product is broken in a copy of the tree
+# make fuzz      ten million damaged messages for every decoder of the protocol together; part of make test with fewer
 # make soak      ten minutes of a raw camera of 1024 x 1024 at 60 frames per second, recorded too
 # make bench     speed of every step, as a table with the published figures beside it
 # make tables    error of the lights on the real maps, as tables
@@ -15,7 +16,7 @@
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test test-camera test-camera-broken soak bench tables pictures speed path-tracer system-packages
+.PHONY: demo test test-camera test-camera-broken fuzz soak bench tables pictures speed path-tracer system-packages
 
 system-packages:
 	@.ci/system-packages
@@ -43,6 +44,9 @@ test-camera: system-packages
 # One patch alone: tests/camera_guest/broken/run NAME
 test-camera-broken: system-packages
 	tests/camera_guest/broken/run
+
+fuzz: system-packages
+	LIGHTCAST_FUZZ_INPUTS=10000000 cargo test $(CARGO_FLAGS) --release --test corrupt_messages -- --nocapture
 
 soak: system-packages
 	rm -rf target/soak

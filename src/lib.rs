@@ -9,6 +9,7 @@ pub mod gpu;
 pub mod image;
 pub mod light;
 pub mod math;
+pub mod net;
 pub mod picture;
 #[cfg(feature = "render")]
 pub mod render;

@@ -1,5 +1,6 @@
 //! Messages on standard error that do not tear the progress bar.
 
+use clap::ValueEnum;
 use indicatif::MultiProgress;
 use std::io::{self, IsTerminal, Write};
 use std::sync::LazyLock;
@@ -9,15 +10,24 @@ use tracing_subscriber::filter::LevelFilter;
 /// Every progress bar is drawn by this, so that messages can push it aside.
 pub(super) static PROGRESS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
+/// How messages are written.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum LogFormat {
+    /// Sentences.
+    Text,
+    /// A JSON object a line: timestamp, level, fields (message, client, ...), target.
+    Json,
+}
+
 /// Sends messages to standard error; `RUST_LOG` says which, by default all from INFO up.
-pub(super) fn start() {
-    tracing_subscriber::fmt()
-        .with_env_filter(filter())
-        .with_writer(|| BesideProgress)
-        .with_ansi(io::stderr().is_terminal())
-        .with_target(false)
-        .without_time()
-        .init();
+pub(super) fn start(format: LogFormat) {
+    let messages = tracing_subscriber::fmt().with_env_filter(filter()).with_writer(|| BesideProgress);
+    match format {
+        LogFormat::Text => {
+            messages.with_ansi(io::stderr().is_terminal()).with_target(false).without_time().init();
+        }
+        LogFormat::Json => messages.json().init(),
+    }
 }
 
 /// A display without a window manager is no fault, but winit warns of it; who wants to hear that names winit in

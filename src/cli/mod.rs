@@ -18,9 +18,11 @@ mod resolution;
 mod run;
 mod signals;
 mod synthesize;
+mod systemd;
 
 use crate::error::{Error, Kind};
 use clap::{Parser, Subcommand};
+use messages::LogFormat;
 use std::process::ExitCode;
 
 /// Live light capture: turns HDR pictures of the surroundings into short lists of directional lights.
@@ -32,6 +34,10 @@ use std::process::ExitCode;
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+
+    /// How messages on standard error are written; RUST_LOG says which.
+    #[arg(long, global = true, value_enum, value_name = "FORMAT", default_value_t = LogFormat::Text)]
+    log_format: LogFormat,
 }
 
 #[derive(Debug, Subcommand)]
@@ -54,8 +60,8 @@ enum Command {
 
 /// Runs the program; the exit code is 0 for done, 1 for failed, 2 for wrong usage or configuration.
 pub fn main() -> ExitCode {
-    let Arguments { command } = Arguments::parse();
-    messages::start();
+    let Arguments { command, log_format } = Arguments::parse();
+    messages::start(log_format);
     let outcome = match &command {
         Command::Run(arguments) => run::run(arguments),
         Command::Record(arguments) => record::run(arguments),

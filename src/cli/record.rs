@@ -65,10 +65,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let shutdown = Shutdown::new();
     let _signals = SignalWatch::start(&shutdown)?;
     let service = Service::record(&config, &options, &shutdown)?;
-    let started = Instant::now();
+    let (started, summary) = (Instant::now(), service.summary());
     let written =
         |summary: &crate::service::Summary| summary.stage("record").map_or(0, |record| record.frames.get());
-    watch(service, "frames", written, |_| {
+    watch(service, &summary, "frames", written, |_| {
         if arguments.seconds.is_some_and(|seconds| started.elapsed() >= seconds) {
             shutdown.request();
         }

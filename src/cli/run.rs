@@ -1,13 +1,16 @@
 use super::messages::PROGRESS;
 use super::signals::SignalWatch;
+use super::systemd::Watchdog;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::net::{Board, Server};
 use crate::rt::Shutdown;
 use crate::service::{Copies, Output, Pictures, RecordOptions, Service, Summary};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{self, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How often the progress bar moves: quick enough to look alive, far slower than frames.
@@ -25,7 +28,13 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 ///
 /// A camera that is unplugged or does not answer is started again until it is back.
 ///
-/// Example: lightcast run --config config/replay.toml | jq .error
+/// With --listen the lists are also streamed to clients, over WebSockets; http://HOST:PORT/ shows them in a browser. Then
+/// SIGHUP takes the configuration anew: if it is bad the old one stays, else the service starts again with it, and
+/// clients stay connected. Lists then are written only to --output.
+///
+/// Examples:
+///   lightcast run --config config/replay.toml | jq .error
+///   lightcast run --config config/stream.toml --listen 127.0.0.1:7300
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -33,7 +42,7 @@ pub(super) struct Arguments {
     #[arg(long, short, value_name = "FILE")]
     config: PathBuf,
 
-    /// Write the light lists to this file instead of standard output.
+    /// Write the light lists to this file instead of standard output [default with --listen: nowhere].
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
 
@@ -50,39 +59,149 @@ pub(super) struct Arguments {
     /// ones.
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
+
+    /// Stream the lists to clients that connect here. Names of this machine only (127.0.0.1, localhost) keep others out;
+    /// [server] in the configuration says who may connect.
+    #[arg(long, value_name = "HOST:PORT")]
+    listen: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let config = Config::load(&arguments.config)?;
     let shutdown = Shutdown::new();
-    let _signals = SignalWatch::start(&shutdown)?;
+    let Some(address) = &arguments.listen else {
+        let _signals = SignalWatch::start(&shutdown)?;
+        let mut output = OutputFile::new(arguments);
+        let service = Service::start(&config, || output.open(), copies(arguments, 1, None), &shutdown)?;
+        let summary = service.summary();
+        return watch(service, &summary, "lists", Summary::lists_published, |_| ());
+    };
+    let signals = SignalWatch::start_with_hangup(&shutdown)?;
+    let board = Arc::new(Board::default());
+    let server = Server::start(address, &board, config.server_options()?, &shutdown)?;
+    tracing::info!("listening on http://{}/", server.address());
+    let mut serving = Serving {
+        arguments,
+        signals: &signals,
+        shutdown: &shutdown,
+        board: &board,
+        server: &server,
+        output: OutputFile::new(arguments),
+        watchdog: Watchdog::new(),
+        starts: 0,
+    };
+    let served = serving.serve(config);
+    serving.watchdog.stopping();
+    served.and(server.stop())
+}
+
+/// Pictures, recordings and the clients of a server; the recording of a service that was started anew is another.
+fn copies(arguments: &Arguments, starts: u32, board: Option<&Arc<Board>>) -> Copies {
     let pictures = arguments
         .pictures
         .as_ref()
         .map(|folder| Pictures { folder: folder.clone(), every: arguments.picture_every });
-    let recording = arguments
-        .record
-        .as_ref()
-        .map(|folder| RecordOptions { folder: folder.clone(), ..RecordOptions::default() });
-    let open_output = || open_output(arguments.output.as_ref());
-    let copies = Copies { pictures, recording, ..Copies::default() };
-    let service = Service::start(&config, open_output, copies, &shutdown)?;
-    watch(service, "lists", Summary::lists_published, |_| ())
+    let recording = arguments.record.as_ref().map(|folder| {
+        let mut folder = folder.clone().into_os_string();
+        if starts > 1 {
+            folder.push(format!("-{starts}"));
+        }
+        RecordOptions { folder: folder.into(), ..RecordOptions::default() }
+    });
+    Copies { pictures, recording, board: board.cloned(), ..Copies::default() }
+}
+
+/// A service with a server, whose configuration can be taken anew.
+struct Serving<'a> {
+    arguments: &'a Arguments,
+    signals: &'a SignalWatch,
+    shutdown: &'a Shutdown,
+    board: &'a Arc<Board>,
+    server: &'a Server,
+    output: OutputFile<'a>,
+    watchdog: Watchdog,
+    /// Services started so far.
+    starts: u32,
+}
+
+impl Serving<'_> {
+    /// Runs services until one ends by itself or the program is to end.
+    fn serve(&mut self, mut config: Config) -> Result<()> {
+        // Until a service has started with the newest configuration, the one before can be gone back to.
+        let mut before = None;
+        loop {
+            let ending = Shutdown::new();
+            let service = match self.start(&config, &ending) {
+                Ok(service) => service,
+                Err(error) => {
+                    let Some(last) = before.take() else { return Err(error) };
+                    tracing::error!("the new configuration does not work, back to the one before: {error}");
+                    config = last;
+                    continue;
+                }
+            };
+            self.server.set_options(config.server_options()?);
+            let Some(next) = self.run(service, &ending)? else { return Ok(()) };
+            before = Some(std::mem::replace(&mut config, next));
+        }
+    }
+
+    fn start(&mut self, config: &Config, ending: &Shutdown) -> Result<Service> {
+        self.starts += 1;
+        let copies = copies(self.arguments, self.starts, Some(self.board));
+        Service::start(config, || self.output.open(), copies, ending)
+    }
+
+    /// Runs one service until its end; the configuration to go on with, if there is one.
+    fn run(&mut self, service: Service, ending: &Shutdown) -> Result<Option<Config>> {
+        let mut next = None;
+        let summary = service.summary().with(self.server.metrics().clone());
+        watch(service, &summary, "lists", Summary::lists_published, |summary| {
+            self.watchdog.see(summary);
+            if self.shutdown.is_aborted() {
+                ending.abort();
+            } else if self.shutdown.is_requested() {
+                ending.request();
+            } else if next.is_none() && self.signals.take_hangup() {
+                self.watchdog.reloading();
+                match self.reload() {
+                    Ok(config) => {
+                        tracing::info!("{}: taken anew", self.arguments.config.display());
+                        next = Some(config);
+                        ending.request();
+                    }
+                    Err(error) => {
+                        tracing::error!("the configuration is not taken, the old one stays: {error}");
+                        self.watchdog.stays();
+                    }
+                }
+            }
+        })?;
+        Ok(next.filter(|_| !self.shutdown.is_requested()))
+    }
+
+    /// The configuration as its file is now, if a service could run with it.
+    fn reload(&self) -> Result<Config> {
+        let config = Config::load(&self.arguments.config)?;
+        config.server_options()?;
+        Service::check(&config)?;
+        Ok(config)
+    }
 }
 
 /// Shows the progress of a service until it ends, then its summary. `count` counts the `things` of its progress; `watch`
 /// sees the summary about ten times a second.
 pub(super) fn watch(
     service: Service,
+    summary: &Summary,
     things: &str,
     count: impl Fn(&Summary) -> u64,
     mut watch: impl FnMut(&Summary),
 ) -> Result<()> {
-    let summary = service.summary();
     let bar = PROGRESS.add(progress_bar(service.frame_count(), things));
     let outcome = service.join(PROGRESS_INTERVAL, || {
-        bar.set_position(count(&summary));
-        watch(&summary);
+        bar.set_position(count(summary));
+        watch(summary);
     });
     bar.finish_and_clear();
     // The summary also tells how far a failed run came.
@@ -90,13 +209,38 @@ pub(super) fn watch(
     outcome
 }
 
-fn open_output(path: Option<&PathBuf>) -> Result<Output> {
-    let Some(path) = path else {
-        return Ok(Output { writer: Box::new(io::stdout()), name: "standard output".to_owned() });
-    };
-    let file = File::create(path)
-        .map_err(|error| Error::failed("the output file cannot be made").because(error).at(path.display()))?;
-    Ok(Output { writer: Box::new(file), name: path.display().to_string() })
+/// Where the lists go: made by the first service that starts, gone on with by those after it.
+struct OutputFile<'a> {
+    path: Option<&'a Path>,
+    /// Lists that clients get are written only where that is asked for.
+    is_streamed: bool,
+    file: Option<File>,
+}
+
+impl<'a> OutputFile<'a> {
+    fn new(arguments: &'a Arguments) -> Self {
+        Self { path: arguments.output.as_deref(), is_streamed: arguments.listen.is_some(), file: None }
+    }
+
+    fn open(&mut self) -> Result<Output> {
+        let Some(path) = self.path else {
+            return Ok(if self.is_streamed {
+                Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() }
+            } else {
+                Output { writer: Box::new(io::stdout()), name: "standard output".to_owned() }
+            });
+        };
+        let failed = |error: io::Error| {
+            Error::failed("the output file cannot be made").because(error).at(path.display())
+        };
+        let file = match self.file.take() {
+            Some(file) => file,
+            None => File::create(path).map_err(failed)?,
+        };
+        let writer = file.try_clone().map_err(failed)?;
+        self.file = Some(file);
+        Ok(Output { writer: Box::new(writer), name: path.display().to_string() })
+    }
 }
 
 /// Draws nothing unless standard error is a terminal.

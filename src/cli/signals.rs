@@ -1,9 +1,11 @@
-//! Ctrl-C and `kill`: the first asks for an orderly end, the second ends the process at once.
+//! Ctrl-C and `kill`: the first asks for an orderly end, the second ends the process at once. A service also hears SIGHUP.
 
 use crate::error::{Error, Result};
 use crate::rt::Shutdown;
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::{Handle, Signals};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Builder, JoinHandle};
 
 /// Hands SIGINT and SIGTERM to a [`Shutdown`] until it is dropped.
@@ -13,17 +15,38 @@ use std::thread::{Builder, JoinHandle};
 pub(super) struct SignalWatch {
     handle: Handle,
     thread: Option<JoinHandle<()>>,
+    hangup: Arc<AtomicBool>,
 }
 
 impl SignalWatch {
     pub fn start(shutdown: &Shutdown) -> Result<Self> {
+        Self::watch(shutdown, &[SIGINT, SIGTERM])
+    }
+
+    /// SIGHUP as well, which otherwise ends a program: see [`Self::take_hangup`].
+    pub fn start_with_hangup(shutdown: &Shutdown) -> Result<Self> {
+        Self::watch(shutdown, &[SIGINT, SIGTERM, SIGHUP])
+    }
+
+    /// Whether SIGHUP came since the last call.
+    pub fn take_hangup(&self) -> bool {
+        self.hangup.swap(false, Ordering::AcqRel)
+    }
+
+    fn watch(shutdown: &Shutdown, which: &[i32]) -> Result<Self> {
         let failed = |error: std::io::Error| Error::failed("cannot watch for signals").because(error);
-        let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(failed)?;
+        let mut signals = Signals::new(which).map_err(failed)?;
         let handle = signals.handle();
         let shutdown = shutdown.clone();
+        let hangup = Arc::new(AtomicBool::new(false));
+        let heard = hangup.clone();
         let watch = move || {
             let mut is_first = true;
             for signal in signals.forever() {
+                if signal == SIGHUP {
+                    heard.store(true, Ordering::Release);
+                    continue;
+                }
                 if !is_first {
                     signal_hook::low_level::exit(128 + signal);
                 }
@@ -33,7 +56,7 @@ impl SignalWatch {
             }
         };
         let thread = Builder::new().name("signals".to_owned()).spawn(watch).map_err(failed)?;
-        Ok(Self { handle, thread: Some(thread) })
+        Ok(Self { handle, thread: Some(thread), hangup })
     }
 }
 

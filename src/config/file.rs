@@ -1,5 +1,6 @@
 //! The keys of a configuration file as they are written, and their way into [`Config`].
 
+use super::server::ServerKeys;
 use super::source::SourceKeys;
 use super::{CameraOptions, Config, ProjectionKind};
 use crate::camera::{ColourMatrix, Response, ResponseModel};
@@ -36,6 +37,8 @@ struct File {
     lights: light::Options,
     #[serde(default)]
     filter: FilterOptions,
+    #[serde(default)]
+    server: ServerKeys,
 }
 
 #[derive(Default, Deserialize)]
@@ -72,10 +75,11 @@ impl Default for MapKeys {
 
 /// Checks a configuration file; paths in it are relative to its folder.
 pub(super) fn parse(origin: TomlText) -> Result<Config> {
-    let File { source, camera, map, lights, filter } = origin.parse()?;
+    let File { source, camera, map, lights, filter, server } = origin.parse()?;
     let folder = origin.path.parent().unwrap_or(Path::new("")).to_owned();
     let (source, pace, links) = source.check(&folder).map_err(|error| origin.locate("source", error))?;
     let camera = camera.check(&folder).map_err(|error| origin.locate("camera", error))?;
+    let server = server.check(&folder).map_err(|error| origin.locate("server", error))?;
     Ok(Config {
         source,
         pace,
@@ -88,6 +92,7 @@ pub(super) fn parse(origin: TomlText) -> Result<Config> {
         },
         lights,
         filter,
+        server,
         origin,
     })
 }

@@ -4,7 +4,10 @@
 //! with file, line and key, and paths in the file are relative to its folder.
 
 mod file;
+mod server;
 mod source;
+
+pub use server::ServerConfig;
 
 use crate::camera::{ColourMatrix, Response};
 use crate::error::{Error, Result, TomlText};
@@ -35,6 +38,8 @@ pub struct Config {
     pub lights: light::Options,
     /// How they are filtered.
     pub filter: FilterOptions,
+    /// Whom a server lets in.
+    pub server: ServerConfig,
     origin: TomlText,
 }
 

@@ -20,10 +20,10 @@ pub use file::{
 };
 pub use frame::{Bayer, Frame, Pixels, Stamp};
 pub use jpeg::decode_jpeg;
-pub use open_exr::{write_exr, write_recorded_exr};
+pub use open_exr::{encode_map_exr, write_exr, write_recorded_exr};
 #[cfg(feature = "april-grid")]
 pub use photograph::{GreyPicture, read_grey};
-pub use png::{write_png8, write_png16};
+pub use png::{encode_png8, write_png8, write_png16};
 pub use polar_map::{PolarMap, PolarShape};
 
 /// Luminance `0.2126 R + 0.7152 G + 0.0722 B` of linear Rec. 709 radiance.

@@ -15,7 +15,7 @@ mod attribute;
 mod tests;
 mod write;
 
-pub use write::{write_exr, write_recorded_exr};
+pub use write::{encode_map_exr, write_exr, write_recorded_exr};
 
 use super::file::{check_size, resize, with_codes, with_radiance};
 use super::{Attributes, Bayer, Frame, LatLongCentres};

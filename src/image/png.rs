@@ -84,6 +84,17 @@ pub fn write_png8(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Resul
     })
 }
 
+/// The bytes of the file that [`write_png8`] writes.
+///
+/// # Errors
+/// A slice of the wrong length.
+pub fn encode_png8(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>> {
+    check_samples(width, height, 3, rgb.len())?;
+    let mut bytes = Vec::new();
+    write(&mut bytes, width, height, ExtendedColorType::Rgb8, rgb)?;
+    Ok(bytes)
+}
+
 fn write(
     writer: &mut impl Write,
     width: usize,

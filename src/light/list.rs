@@ -1,6 +1,6 @@
 mod file;
 
-pub use file::ListFile;
+pub use file::{ListFile, MOST_IRRADIANCE, MOST_POWER};
 
 use crate::image::{Stamp, luminance};
 use serde::{Deserialize, Serialize};
@@ -91,12 +91,20 @@ impl LightList {
         sum
     }
 
+    /// Writes the list as one JSON object.
+    ///
+    /// # Errors
+    /// Those of the writer.
+    pub fn write_json(&self, writer: impl std::io::Write) -> std::io::Result<()> {
+        Ok(serde_json::to_writer(writer, self)?)
+    }
+
     /// Writes the list as one line of JSON.
     ///
     /// # Errors
     /// Those of the writer.
     pub fn write_json_line(&self, mut writer: impl std::io::Write) -> std::io::Result<()> {
-        serde_json::to_writer(&mut writer, self)?;
+        self.write_json(&mut writer)?;
         writer.write_all(b"\n")
     }
 }

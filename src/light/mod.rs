@@ -26,7 +26,7 @@ pub(crate) mod test_maps;
 
 pub use cluster::cluster;
 pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
-pub use list::{Light, LightList, ListFile};
+pub use list::{Light, LightList, ListFile, MOST_IRRADIANCE, MOST_POWER};
 pub use nearest::NearestSites;
 pub use peaks::PeakOptions;
 pub use prefix::{prefix, prefix_with_heads};

@@ -1,5 +1,6 @@
 use super::{Canvas, ToneCurve};
-use crate::image::PolarMap;
+use crate::error::Result;
+use crate::image::{PolarMap, encode_png8};
 use crate::light::Light;
 use crate::math::polar;
 use glam::DVec3;
@@ -114,6 +115,16 @@ impl MapBackground {
         }
         canvas
     }
+}
+
+/// The tone-mapped map as it is, a pixel of the PNG file for a pixel of the map: columns are azimuth, rows the polar angle.
+///
+/// # Errors
+/// A map without pixels, or with more than a PNG file can have.
+pub fn encode_map_png(map: &PolarMap) -> Result<Vec<u8>> {
+    let tone = ToneCurve::for_pixels(&map.pixels);
+    let bytes: Vec<u8> = map.pixels.iter().flat_map(|&pixel| tone.apply(pixel)).collect();
+    encode_png8(map.shape.columns, map.shape.rows, &bytes)
 }
 
 /// The tone-mapped map with a ring for every light, its area in proportion to the light's share of the power.

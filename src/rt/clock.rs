@@ -1,7 +1,38 @@
 use super::Shutdown;
-use std::sync::Arc;
+use rustix::time::{ClockId, clock_gettime};
 use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
+
+/// Now on the kernel's CLOCK_MONOTONIC, in nanoseconds: one time for all programs of a machine, and that of most camera
+/// drivers' time stamps.
+pub fn monotonic_ns() -> i64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec)
+}
+
+/// What to add to [`monotonic_ns`] to get nanoseconds since 1970, now: UTC is set and slewed, the other never is.
+pub fn utc_from_monotonic_ns() -> i64 {
+    let utc = std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+    i64::try_from(utc.as_nanos()).unwrap_or(i64::MAX).saturating_sub(monotonic_ns())
+}
+
+/// What to add to a source's capture times to get [`monotonic_ns`], shared by those who need it; unknown until the source
+/// has begun, and for ever under a simulated clock. Clones know the same.
+#[derive(Clone, Debug, Default)]
+pub struct CaptureEpoch(Arc<OnceLock<i64>>);
+
+impl CaptureEpoch {
+    /// Says it; only the first call counts.
+    pub fn set(&self, monotonic_from_capture_ns: i64) {
+        let _ = self.0.set(monotonic_from_capture_ns);
+    }
+
+    /// A capture time on the kernel's monotonic clock.
+    pub fn monotonic_ns(&self, capture_time_ns: i64) -> Option<i64> {
+        self.0.get().map(|offset| capture_time_ns.saturating_add(*offset))
+    }
+}
 
 /// The time that paces a source, in nanoseconds since the clock was made. Clones show the same time.
 ///
@@ -33,6 +64,14 @@ impl Clock {
             // An i64 of nanoseconds lasts 292 years.
             Kind::Real(origin) => i64::try_from(origin.elapsed().as_nanos()).unwrap_or(i64::MAX),
             Kind::Simulated(now) => now.load(Ordering::Acquire),
+        }
+    }
+
+    /// What to add to this clock's time to get [`monotonic_ns`]; `None` for simulated time.
+    pub fn monotonic_from_clock_ns(&self) -> Option<i64> {
+        match &self.0 {
+            Kind::Real(_) => Some(monotonic_ns().saturating_sub(self.now_ns())),
+            Kind::Simulated(_) => None,
         }
     }
 
@@ -73,6 +112,25 @@ mod tests {
         assert!(clock.wait_until(until_ns, &shutdown));
         assert!(clock.now_ns() >= until_ns);
         assert!(clock.wait_until(0, &shutdown), "what has passed is not waited for");
+    }
+
+    #[test]
+    fn a_real_clock_knows_the_kernels_and_a_simulated_one_does_not() {
+        let clock = Clock::real();
+        let offset_ns = clock.monotonic_from_clock_ns().unwrap();
+        assert!((monotonic_ns() - offset_ns - clock.now_ns()).abs() < 1_000_000_000);
+        assert_eq!(Clock::simulated().monotonic_from_clock_ns(), None);
+        let year_2020_ns = 1_577_836_800_000_000_000;
+        assert!(monotonic_ns() + utc_from_monotonic_ns() > year_2020_ns);
+    }
+
+    #[test]
+    fn an_epoch_is_said_once_for_all_clones() {
+        let epoch = CaptureEpoch::default();
+        assert_eq!(epoch.monotonic_ns(5), None);
+        epoch.clone().set(100);
+        epoch.set(200);
+        assert_eq!((epoch.monotonic_ns(5), epoch.monotonic_ns(i64::MAX)), (Some(105), Some(i64::MAX)));
     }
 
     #[test]

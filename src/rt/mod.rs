@@ -9,7 +9,7 @@ mod shutdown;
 pub mod stage;
 mod threads;
 
-pub use clock::Clock;
+pub use clock::{CaptureEpoch, Clock, monotonic_ns, utc_from_monotonic_ns};
 pub use histogram::Histogram;
 pub use metrics::{Counter, Metrics};
 pub use shutdown::Shutdown;

@@ -9,12 +9,11 @@ use crate::error::Result;
 use crate::error::{Error, Kind};
 use crate::image::Frame;
 use crate::rt::stage::{Stage, Tick, Ticks};
-use crate::rt::{Clock, Metrics, Shutdown};
 #[cfg(feature = "camera")]
-use crate::source::{
-    Bracket, BracketOptions,
-    v4l2::{V4l2Camera, utc_from_monotonic_ns},
-};
+use crate::rt::utc_from_monotonic_ns;
+use crate::rt::{CaptureEpoch, Clock, Metrics, Shutdown};
+#[cfg(feature = "camera")]
+use crate::source::{Bracket, BracketOptions, v4l2::V4l2Camera};
 use crate::source::{Camera, FrameFormat, Sequence};
 use crate::stage::{self, Patience, Recording, Tee};
 use std::sync::Arc;
@@ -32,6 +31,7 @@ pub struct Input {
     exposure_s: Option<f64>,
     /// What to add to capture times to get nanoseconds since 1970.
     utc_from_capture_ns: Option<i64>,
+    epoch: CaptureEpoch,
 }
 
 enum Frames {
@@ -55,6 +55,7 @@ impl Input {
                     metrics: Metrics::new(SOURCE),
                     exposure_s: None,
                     utc_from_capture_ns: None,
+                    epoch: CaptureEpoch::default(),
                 })
             }
             #[cfg(feature = "camera")]
@@ -96,7 +97,10 @@ impl Input {
     pub fn camera(format: FrameFormat, name: String, camera: impl Camera + 'static) -> Self {
         let frames = Frames::Camera(Box::new(camera));
         let metrics = Metrics::new(SOURCE);
-        Self { frames, format, name, metrics, exposure_s: None, utc_from_capture_ns: None }
+        let epoch = CaptureEpoch::default();
+        // A camera's capture times are the kernel's already.
+        epoch.set(0);
+        Self { frames, format, name, metrics, exposure_s: None, utc_from_capture_ns: None, epoch }
     }
 
     pub(super) fn format(&self) -> &FrameFormat {
@@ -105,6 +109,11 @@ impl Input {
 
     pub(super) fn name(&self) -> &str {
         &self.name
+    }
+
+    /// How its capture times stand to the kernel's clock.
+    pub(super) fn epoch(&self) -> CaptureEpoch {
+        self.epoch.clone()
     }
 
     /// Whether frames wait for their reader; those of a camera do not.
@@ -137,7 +146,7 @@ impl Input {
         let metrics = self.metrics;
         match self.frames {
             Frames::Sequence(sequence) => {
-                spawn(graph, metrics, stage::Source::new(sequence, &clock), &shutdown, outlet)
+                spawn(graph, metrics, stage::Source::new(sequence, &clock, self.epoch), &shutdown, outlet)
             }
             Frames::Camera(camera) => {
                 let rate_hz = self.format.frame_rate_hz;

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! source ──Frame──▶ calibrate ──PolarMap──▶ light ──LightList──▶ filter ──LightList──▶ publish
-//!    └──Frame──▶ record                       └──PolarMap──▶ picture ◀──LightList────────┘
+//!    └──Frame──▶ record                       ├──PolarMap──▶ picture ◀──LightList────────┤
+//!                                             └──PolarMap──▶ post ◀──LightList───────────┘
 //! ```
 
 mod camera;
@@ -15,10 +16,11 @@ pub use input::Input;
 pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
 
-use crate::config::{Config, Links, Pace};
+use crate::config::{self, Config, Links, Pace};
 use crate::error::{Error, Result};
 use crate::image::{Frame, PolarMap};
 use crate::light::{Extractor, LightList};
+use crate::net::Board;
 use crate::rt::link::{self, Item};
 use crate::rt::stage::Nowhere;
 use crate::rt::{Metrics, Shutdown};
@@ -27,6 +29,7 @@ use crate::temporal::{LightFilter, design};
 use graph::Graph;
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Items that a `bounded` link holds: one to take while the next is made evens out the jitter of two stages, and
@@ -94,7 +97,8 @@ impl Service {
         // The filter designs its taps when it sees the first list; what no taps can do is told before.
         let taps =
             design(format.frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))?;
-        let Copies { pictures, recording, lists: list_copies, maps: map_copies } = copies;
+        let Copies { pictures, recording, lists, maps: map_copies, board } = copies;
+        let mut list_copies: Vec<_> = lists.into_iter().collect();
         let recording = match &recording {
             Some(options) => Some(recorder::recorder(config, options, &input, shutdown)?),
             None => None,
@@ -107,6 +111,15 @@ impl Service {
         let black = || PolarMap::black(config.map);
 
         let mut map_taps: Vec<_> = map_copies.into_iter().map(|maps| stage::MapTap::new(maps, 1)).collect();
+        if let Some(board) = &board {
+            // Whoever is slow there must not hold up anything here.
+            let (maps_in, maps_out) = link::latest(shutdown, black);
+            let (lists_in, lists_out) = link::latest(shutdown, LightList::default);
+            map_taps.push(stage::MapTap::new(maps_in, 1));
+            list_copies.push(lists_in);
+            let post = stage::Post::new(board.clone(), input.epoch(), maps_out);
+            graph.spawn(Metrics::new("post"), post, lists_out, Nowhere)?;
+        }
         let list_tap = match &pictures {
             None => None,
             Some(pictures) => {
@@ -146,7 +159,28 @@ impl Service {
             None => None,
         };
         input.spawn(&mut graph, stage::Tee::new(Some(frames_in), recorder))?;
+        if let Some(board) = &board {
+            board.show_stages(graph.summary().stages().to_vec());
+        }
         Ok(Self { graph, frame_count })
+    }
+
+    /// Whether a service with this configuration would start, as far as that can be told while another one has the
+    /// camera: what only the camera knows shows when it is opened.
+    ///
+    /// # Errors
+    /// Those of [`Self::start`].
+    pub fn check(config: &Config) -> Result<()> {
+        Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
+        LightFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
+        camera::calibration(config)?;
+        if let config::Source::Sequence(_) = config.source {
+            let input = Input::open(config)?;
+            camera::frame_to_polar(config, input.format(), input.name())?;
+            design(input.format().frame_rate_hz, &config.filter)
+                .map_err(|error| config.locate("filter", error))?;
+        }
+        Ok(())
     }
 
     /// Records what `config` names and makes no lights of it.
@@ -224,6 +258,8 @@ pub struct Copies {
     pub lists: Option<link::Sender<LightList>>,
     /// All maps that lights are made of, for a view of them. A link that is not `latest` holds up the service.
     pub maps: Option<link::Sender<PolarMap>>,
+    /// All lists and the newest map, for the clients of a server.
+    pub board: Option<Arc<Board>>,
 }
 
 /// A link for copies of the lists that a service publishes: a live service never waits for its reader, who gets the

@@ -1,4 +1,5 @@
 use crate::rt::Metrics;
+use crate::stage::ATTEMPTS;
 use std::fmt;
 use std::sync::Arc;
 
@@ -24,6 +25,14 @@ impl Summary {
     /// The stages in the order of the data.
     pub fn stages(&self) -> &[Arc<Metrics>] {
         &self.stages
+    }
+
+    /// Something that grows as long as the service is well: the lists that have left it, and the attempts to start a
+    /// camera that is away.
+    pub fn progress(&self) -> u64 {
+        let counters = self.stage("source").map(Metrics::counters).unwrap_or_default();
+        let attempts = counters.iter().find(|(name, _)| *name == ATTEMPTS).map_or(0, |counter| counter.1);
+        self.lists_published() + attempts
     }
 
     /// Light lists that have left the service.

@@ -77,7 +77,12 @@ struct Counters {
     missed_while_away: Counter,
     /// Times that the camera had to be started again.
     restarts: Counter,
+    /// Attempts to start it, which show that somebody still tries.
+    attempts: Counter,
 }
+
+/// Name of the counter of attempts to start the camera.
+pub const ATTEMPTS: &str = "attempts to start the camera";
 
 /// Longest time in one wait for the camera: a request to end is seen between two waits.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -111,6 +116,7 @@ impl<C: Camera> Capture<C> {
             return Ok(());
         }
         self.attempts = self.attempts.saturating_add(1);
+        self.counters.attempts.add(1);
         match self.camera.start() {
             Ok(()) => {
                 self.started_ns = self.clock.now_ns();
@@ -222,6 +228,7 @@ impl Counters {
             out_of_order: metrics.counter("frames out of order"),
             missed_while_away: metrics.counter("frames missed while the camera was away"),
             restarts: metrics.counter("restarts of the camera"),
+            attempts: metrics.counter(ATTEMPTS),
         }
     }
 

@@ -5,6 +5,7 @@ mod capture;
 mod filter;
 mod light;
 mod picture;
+mod post;
 mod publish;
 mod record;
 #[cfg(feature = "render")]
@@ -12,10 +13,11 @@ mod render;
 mod source;
 
 pub use calibrate::Calibrate;
-pub use capture::{Capture, Patience};
+pub use capture::{ATTEMPTS, Capture, Patience};
 pub use filter::Filter;
 pub use light::{Light, MapTap};
 pub use picture::Picture;
+pub use post::Post;
 pub use publish::{ListTap, Publish};
 pub use record::{Record, Recorder, Recording, SIDECAR, Tee};
 #[cfg(feature = "render")]

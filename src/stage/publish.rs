@@ -14,16 +14,16 @@ pub struct Publish<W> {
     /// The line under way: one `write` per list, and a list is never written in part because of its contents.
     line: Vec<u8>,
     tap: Option<ListTap>,
-    copies: Option<Sender<LightList>>,
+    copies: Vec<Sender<LightList>>,
 }
 
 impl<W: Write + Send> Publish<W> {
-    /// Lines to `writer`, called `name` in messages; copies of some lists to `tap`, copies of all to `copies`.
+    /// Lines to `writer`, called `name` in messages; copies of some lists to `tap`, copies of all to each of `copies`.
     pub fn new(
         writer: W,
         name: impl Into<String>,
         tap: Option<ListTap>,
-        copies: Option<Sender<LightList>>,
+        copies: Vec<Sender<LightList>>,
     ) -> Self {
         Self { writer, name: name.into(), line: Vec::new(), tap, copies }
     }
@@ -48,7 +48,7 @@ impl<W: Write + Send> Stage for Publish<W> {
         {
             self.tap = None;
         }
-        if let Some(copies) = &mut self.copies {
+        for copies in &mut self.copies {
             let sent = copies.take().and_then(|mut copy| {
                 copy.copy_from(list);
                 copies.send(copy)
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn one_line_a_list() {
         let mut lines = Vec::new();
-        let mut publish = Publish::new(&mut lines, "memory", None, None);
+        let mut publish = Publish::new(&mut lines, "memory", None, Vec::new());
         for sequence in 0..3 {
             assert_eq!(publish.step(&list(sequence), &mut ()).unwrap(), Flow::Send);
         }
@@ -127,10 +127,11 @@ mod tests {
 
     #[test]
     fn a_broken_pipe_ends_and_a_full_disk_fails_with_the_place() {
-        let flow = Publish::new(Fails(ErrorKind::BrokenPipe), "pipe", None, None).step(&list(1), &mut ());
+        let flow =
+            Publish::new(Fails(ErrorKind::BrokenPipe), "pipe", None, Vec::new()).step(&list(1), &mut ());
         assert_eq!(flow.unwrap(), Flow::End);
-        let error =
-            Publish::new(Fails(ErrorKind::StorageFull), "out.jsonl", None, None).step(&list(17), &mut ());
+        let error = Publish::new(Fails(ErrorKind::StorageFull), "out.jsonl", None, Vec::new())
+            .step(&list(17), &mut ());
         assert!(error.unwrap_err().to_string().starts_with("out.jsonl: list 17: cannot be written: "));
     }
 }

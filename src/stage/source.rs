@@ -1,7 +1,7 @@
 use crate::error::Result;
 use crate::image::Frame;
-use crate::rt::Clock;
 use crate::rt::stage::{Flow, Stage, Tick};
+use crate::rt::{CaptureEpoch, Clock};
 use crate::source::{self, Next};
 
 /// Takes frames from a source and releases each at its capture time, counted from the first frame by the clock:
@@ -11,12 +11,13 @@ pub struct Source<S> {
     clock: Clock,
     /// Time of the clock at capture time 0.
     start_ns: Option<i64>,
+    epoch: CaptureEpoch,
 }
 
 impl<S: source::Source> Source<S> {
-    /// Frames of `source`, paced by `clock`.
-    pub fn new(source: S, clock: &Clock) -> Self {
-        Self { source, clock: clock.clone(), start_ns: None }
+    /// Frames of `source`, paced by `clock`; `epoch` learns when that is, where time is real.
+    pub fn new(source: S, clock: &Clock, epoch: CaptureEpoch) -> Self {
+        Self { source, clock: clock.clone(), start_ns: None, epoch }
     }
 }
 
@@ -30,7 +31,16 @@ impl<S: source::Source> Stage for Source<S> {
             return Ok(Flow::End);
         }
         let capture_time_ns = frame.stamp.capture_time_ns;
-        let start_ns = *self.start_ns.get_or_insert(self.clock.now_ns().saturating_sub(capture_time_ns));
+        let start_ns = match self.start_ns {
+            Some(start_ns) => start_ns,
+            None => {
+                let start_ns = self.clock.now_ns().saturating_sub(capture_time_ns);
+                if let Some(monotonic_from_clock_ns) = self.clock.monotonic_from_clock_ns() {
+                    self.epoch.set(start_ns.saturating_add(monotonic_from_clock_ns));
+                }
+                *self.start_ns.insert(start_ns)
+            }
+        };
         Ok(Flow::SendAt { time_ns: start_ns.saturating_add(capture_time_ns) })
     }
 }

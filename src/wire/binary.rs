@@ -1,31 +1,302 @@
 //! Lists as bytes: 14 for a light. ARCHITECTURE.md, "The protocol", has the layout.
 
+#[cfg(test)]
+mod tests;
+
+use super::quantity::{Scale, decode_direction, encode_direction};
 use super::{Delivery, Message};
 use crate::error::{Error, Result};
-use crate::light::LightList;
+use crate::image::Stamp;
+use crate::light::{Light, LightList, MAX_LIGHTS, MOST_IRRADIANCE, MOST_POWER};
+use std::f64::consts::PI;
+use std::fmt::LowerExp;
 
-/// The part of a message that all clients of a list share.
+/// `LCL` and the version.
+const MAGIC: [u8; 4] = *b"LCL\x01";
+/// Bytes of the header before what clients share: magic, sizes and the [`Delivery`].
+const DELIVERY_BYTES: usize = 48;
+/// Bytes of the whole header.
+const HEADER_BYTES: usize = 120;
+/// Bytes of a prefix's length and error.
+const PREFIX_BYTES: usize = 8;
+/// Bytes of a light.
+const LIGHT_BYTES: usize = 14;
+/// Flag: the capture times are known.
+const HAS_CAPTURE_TIMES: u16 = 1;
+/// Most prefix errors; lengths double from one to the next, so that few lists have as many as ten.
+const MAX_PREFIX_ERRORS: usize = 64;
+
+/// The part of a message that all clients of a list share: every byte from 48 on.
+///
+/// Numbers that cannot be sent are replaced: NaN, infinity and what is negative as 0, irradiances above
+/// 1e30 and powers above 1e36 as these, spreads above pi as pi; a direction that is none is sent as +Y. What this gives,
+/// [`decode`] takes.
 ///
 /// # Errors
-/// A light whose id is above 65,535.
+/// A light whose id is above 65,535; two lights of one id; more than [`MAX_LIGHTS`] lights or 64 prefix errors.
 pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
     body.clear();
-    let _ = list;
-    Err(Error::failed("not yet"))
+    let (lights, prefix_errors) = (&list.lights, &list.prefix_errors);
+    if lights.len() > MAX_LIGHTS || prefix_errors.len() > MAX_PREFIX_ERRORS {
+        return Err(Error::failed(format!(
+            "the list has {} lights and {} prefix errors; a message takes {MAX_LIGHTS} and {MAX_PREFIX_ERRORS}",
+            lights.len(),
+            prefix_errors.len()
+        )));
+    }
+    let mut ids = Ids::default();
+    let mut brightest = 0.0_f32;
+    for (number, light) in lights.iter().enumerate() {
+        let fault = match u16::try_from(light.id) {
+            Err(_) => "above 65535, the highest in a message",
+            Ok(id) if ids.is_taken(id) => "that of another light",
+            Ok(_) => {
+                brightest = light.irradiance.iter().fold(brightest, |most, &v| most.max(irradiance(v)));
+                continue;
+            }
+        };
+        return Err(Error::failed(format!("light {number}: its id {} is {fault}", light.id)));
+    }
+
+    let Stamp { sequence, capture_time_ns, lost_before, frame_rate_hz } = list.stamp;
+    body.reserve(
+        HEADER_BYTES - DELIVERY_BYTES + PREFIX_BYTES * prefix_errors.len() + LIGHT_BYTES * lights.len(),
+    );
+    body.extend_from_slice(&sequence.to_le_bytes());
+    body.extend_from_slice(&capture_time_ns.to_le_bytes());
+    body.extend_from_slice(&lost_before.to_le_bytes());
+    body.extend_from_slice(&sound(frame_rate_hz).to_le_bytes());
+    for power in list.power {
+        body.extend_from_slice(&sound(power).min(MOST_POWER).to_le_bytes());
+    }
+    body.extend_from_slice(&list.filter_delay_frames.to_le_bytes());
+    body.extend_from_slice(&sound_f32(list.error).to_le_bytes());
+    body.extend_from_slice(&brightest.to_le_bytes());
+    body.extend_from_slice(&(prefix_errors.len() as u16).to_le_bytes());
+    body.extend_from_slice(&(lights.len() as u16).to_le_bytes());
+    for &(count, error) in prefix_errors {
+        body.extend_from_slice(&count.to_le_bytes());
+        body.extend_from_slice(&sound_f32(error).to_le_bytes());
+    }
+    let (irradiances, spreads) = (Scale::new(f64::from(brightest)), Scale::new(PI));
+    for light in lights {
+        let [u, v] = encode_direction(light.direction);
+        let [r, g, b] = light.irradiance.map(|value| irradiances.encode(irradiance(value)));
+        let spread = spreads.encode(sound_f32(light.spread_rad));
+        let mut bytes = [0; LIGHT_BYTES];
+        for (place, word) in bytes.chunks_exact_mut(2).zip([light.id as u16, u, v, r, g, b, spread]) {
+            place.copy_from_slice(&word.to_le_bytes());
+        }
+        body.extend_from_slice(&bytes);
+    }
+    Ok(())
 }
 
-/// Puts a message together from what [`encode_list`] gave and the rest.
+/// Puts a message together from what [`encode_list`] gave and the rest. The capture times are sent if both are known.
 pub fn encode(body: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
+    let Delivery { lost, capture_monotonic_ns, capture_utc_ns, sent_monotonic_ns, sent_utc_ns } = *delivery;
+    let (flags, capture) = match (capture_monotonic_ns, capture_utc_ns) {
+        (Some(monotonic_ns), Some(utc_ns)) => (HAS_CAPTURE_TIMES, [monotonic_ns, utc_ns]),
+        _ => (0, [0; 2]),
+    };
     message.clear();
-    let _ = delivery;
+    message.reserve(DELIVERY_BYTES + body.len());
+    message.extend_from_slice(&MAGIC);
+    message.extend_from_slice(&(HEADER_BYTES as u16).to_le_bytes());
+    message.extend_from_slice(&flags.to_le_bytes());
+    message.extend_from_slice(&lost.to_le_bytes());
+    for time_ns in [capture[0], capture[1], sent_monotonic_ns, sent_utc_ns] {
+        message.extend_from_slice(&time_ns.to_le_bytes());
+    }
     message.extend_from_slice(body);
 }
 
-/// Takes a message apart.
+/// Takes a message apart, into the storage that `message` has. Flags that are unknown are passed over, and what a longer
+/// header has after byte 120.
 ///
 /// # Errors
-/// Says which byte is wrong.
+/// Says which byte is wrong; `message` is then as it was. Everything is looked at before anything is stored.
 pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
-    let _ = (bytes, message);
-    Err(Error::failed("not yet"))
+    let header = Header::read(bytes)?;
+    let (prefixes, lights) = bytes[header.length..].split_at(PREFIX_BYTES * header.prefixes);
+    for (number, prefix) in prefixes.chunks_exact(PREFIX_BYTES).enumerate() {
+        let error = f32::from_le_bytes(at(prefix, 4));
+        check(error, f32::MAX, header.length + PREFIX_BYTES * number + 4, "the error of a prefix")?;
+    }
+    let mut ids = Ids::default();
+    for (number, light) in lights.chunks_exact(LIGHT_BYTES).enumerate() {
+        let id = u16::from_le_bytes(at(light, 0));
+        if ids.is_taken(id) {
+            let byte = header.length + prefixes.len() + LIGHT_BYTES * number;
+            return Err(Error::failed(format!("byte {byte}: light {number} has the id {id} of another")));
+        }
+    }
+
+    let list = &mut message.list;
+    (list.stamp, list.filter_delay_frames) = (header.stamp, header.filter_delay_frames);
+    (list.power, list.error) = (header.power, header.error);
+    list.reference_irradiance.clear();
+    list.prefix_errors.clear();
+    list.prefix_errors.extend(
+        prefixes
+            .chunks_exact(PREFIX_BYTES)
+            .map(|prefix| (u32::from_le_bytes(at(prefix, 0)), f32::from_le_bytes(at(prefix, 4)))),
+    );
+    let (irradiances, spreads) = (Scale::new(f64::from(header.brightest)), Scale::new(PI));
+    list.lights.clear();
+    list.lights.extend(lights.chunks_exact(LIGHT_BYTES).map(|light| {
+        let word = |number: usize| u16::from_le_bytes(at(light, 2 * number));
+        Light {
+            id: u32::from(word(0)),
+            direction: decode_direction([word(1), word(2)]),
+            irradiance: [word(3), word(4), word(5)].map(|code| irradiances.decode(code)),
+            spread_rad: spreads.decode(word(6)),
+        }
+    }));
+    message.delivery = header.delivery;
+    Ok(())
+}
+
+/// What a message says before its prefix errors, checked.
+struct Header {
+    /// Bytes before the prefix errors.
+    length: usize,
+    delivery: Delivery,
+    stamp: Stamp,
+    power: [f64; 3],
+    filter_delay_frames: u32,
+    error: f32,
+    brightest: f32,
+    prefixes: usize,
+}
+
+impl Header {
+    fn read(bytes: &[u8]) -> Result<Self> {
+        let magic = &bytes[..bytes.len().min(MAGIC.len())];
+        if !magic.starts_with(&MAGIC[..3]) {
+            return Err(Error::failed("byte 0: the message does not begin with LCL: it is no light list"));
+        }
+        if magic != MAGIC {
+            let version = magic.last().filter(|_| magic.len() == MAGIC.len());
+            return Err(Error::failed(match version {
+                Some(version) => {
+                    format!("byte 3: the message is of version {version}; this program reads version 1")
+                }
+                None => "byte 3: the message ends before its version".to_owned(),
+            }));
+        }
+        if bytes.len() < HEADER_BYTES {
+            let length = bytes.len();
+            return Err(Error::failed(format!(
+                "byte {length}: the message ends in its header of {HEADER_BYTES} bytes"
+            )));
+        }
+        let length = usize::from(u16::from_le_bytes(at(bytes, 4)));
+        if length < HEADER_BYTES {
+            return Err(Error::failed(format!(
+                "byte 4: a header of {length} bytes; it has {HEADER_BYTES} at least"
+            )));
+        }
+        let prefixes = usize::from(u16::from_le_bytes(at(bytes, 116)));
+        let lights = usize::from(u16::from_le_bytes(at(bytes, 118)));
+        if prefixes > MAX_PREFIX_ERRORS {
+            return Err(Error::failed(format!(
+                "byte 116: {prefixes} prefix errors; {MAX_PREFIX_ERRORS} at most are read"
+            )));
+        }
+        if lights > MAX_LIGHTS {
+            return Err(Error::failed(format!("byte 118: {lights} lights; {MAX_LIGHTS} at most are read")));
+        }
+        let whole = length + PREFIX_BYTES * prefixes + LIGHT_BYTES * lights;
+        if bytes.len() != whole {
+            return Err(Error::failed(format!(
+                "byte {}: the message has {} bytes; with {prefixes} prefix errors and {lights} lights it has {whole}",
+                whole.min(bytes.len()),
+                bytes.len()
+            )));
+        }
+
+        let number = |byte| f64::from_le_bytes(at(bytes, byte));
+        let time_ns = |byte| i64::from_le_bytes(at(bytes, byte));
+        let power = [80, 88, 96].map(number);
+        for (channel, power) in power.into_iter().enumerate() {
+            check(power, MOST_POWER, 80 + 8 * channel, "the power")?;
+        }
+        let frame_rate_hz = check(number(72), f64::MAX, 72, "the frame rate")?;
+        let error = check(f32::from_le_bytes(at(bytes, 108)), f32::MAX, 108, "the error")?;
+        let brightest =
+            check(f32::from_le_bytes(at(bytes, 112)), MOST_IRRADIANCE, 112, "the highest irradiance")?;
+        let has_capture_times = u16::from_le_bytes(at(bytes, 6)) & HAS_CAPTURE_TIMES != 0;
+        Ok(Self {
+            length,
+            delivery: Delivery {
+                lost: u64::from_le_bytes(at(bytes, 8)),
+                capture_monotonic_ns: has_capture_times.then(|| time_ns(16)),
+                capture_utc_ns: has_capture_times.then(|| time_ns(24)),
+                sent_monotonic_ns: time_ns(32),
+                sent_utc_ns: time_ns(40),
+            },
+            stamp: Stamp {
+                sequence: u64::from_le_bytes(at(bytes, 48)),
+                capture_time_ns: time_ns(56),
+                lost_before: u64::from_le_bytes(at(bytes, 64)),
+                frame_rate_hz,
+            },
+            power,
+            filter_delay_frames: u32::from_le_bytes(at(bytes, 104)),
+            error,
+            brightest,
+            prefixes,
+        })
+    }
+}
+
+/// The bytes from `byte` on, which the caller has seen to be there.
+fn at<const N: usize>(bytes: &[u8], byte: usize) -> [u8; N] {
+    let mut copy = [0; N];
+    copy.copy_from_slice(&bytes[byte..byte + N]);
+    copy
+}
+
+/// `value` if it is from 0 to `most`, which NaN is not.
+fn check<T: Copy + Default + LowerExp + PartialOrd>(value: T, most: T, byte: usize, what: &str) -> Result<T> {
+    if (T::default()..=most).contains(&value) {
+        Ok(value)
+    } else {
+        Err(Error::failed(format!("byte {byte}: {what} is {value:e}; it is from 0 to {most:e}")))
+    }
+}
+
+/// `value`, or 0 where that is negative or not finite.
+fn sound(value: f64) -> f64 {
+    if value > 0.0 && value.is_finite() { value } else { 0.0 }
+}
+
+/// [`sound`] for an `f32`.
+fn sound_f32(value: f32) -> f32 {
+    if value > 0.0 && value.is_finite() { value } else { 0.0 }
+}
+
+/// An irradiance as it can be sent.
+fn irradiance(value: f32) -> f32 {
+    sound_f32(value).min(MOST_IRRADIANCE)
+}
+
+/// The ids that lights have, a bit for each.
+struct Ids([u64; 1024]);
+
+impl Default for Ids {
+    fn default() -> Self {
+        Self([0; 1024])
+    }
+}
+
+impl Ids {
+    /// Takes an id; whether it was taken.
+    fn is_taken(&mut self, id: u16) -> bool {
+        let (word, bit) = (&mut self.0[usize::from(id) / 64], 1 << (id % 64));
+        let was_taken = *word & bit != 0;
+        *word |= bit;
+        was_taken
+    }
 }

@@ -8,7 +8,7 @@ pub mod json;
 mod quantity;
 mod subscription;
 
-pub use subscription::{Demand, Subscription};
+pub use subscription::{Demand, QUEUE_MAX, Subscription};
 
 use crate::light::LightList;
 use serde::{Deserialize, Serialize};

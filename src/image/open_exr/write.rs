@@ -1,11 +1,12 @@
 use super::attribute;
 use crate::error::{Error, Result};
 use crate::image::file::{check_samples, replace};
-use crate::image::{Frame, Pixels};
+use crate::image::{Frame, Pixels, PolarMap};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes,
     LineOrder, SmallVec, Vec2, WritableImage, f16,
 };
+use std::io::{Cursor, Seek, Write};
 use std::path::Path;
 
 /// Writes radiance as an OpenEXR file, channels `R`, `G`, `B` or `Y`, ZIP-compressed (lossless) scan lines.
@@ -28,6 +29,23 @@ pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: b
         })
     };
     write(path, frame, attributes, Compression::ZIP16, half)
+}
+
+/// A polar map as an OpenEXR file in memory: columns are azimuth, rows the polar angle, three float channels.
+///
+/// # Errors
+/// A map of the wrong length.
+pub fn encode_map_exr(map: &PolarMap) -> Result<Vec<u8>> {
+    let frame = Frame {
+        width: map.shape.columns,
+        height: map.shape.rows,
+        channels: 3,
+        pixels: Pixels::Radiance(map.pixels.as_flattened().to_vec()),
+        ..Frame::default()
+    };
+    let mut bytes = Cursor::new(Vec::new());
+    encode(&mut bytes, &frame, || Ok(LayerAttributes::default()), Compression::ZIP16, false)?;
+    Ok(bytes.into_inner())
 }
 
 /// Writes a frame of a live recording: sensor codes as `uint` channels (lossless), radiance as floats or, `half`, as half
@@ -65,27 +83,35 @@ fn write(
     compression: Compression,
     half: bool,
 ) -> Result<()> {
-    replace(path, |writer| {
-        let count = match &frame.pixels {
-            Pixels::Codes(codes) => codes.len(),
-            Pixels::Radiance(values) => values.len(),
-        };
-        check_samples(frame.width, frame.height, frame.channels, count)?;
-        let names: &[&str] = if frame.channels == 1 { &["Y"] } else { &["R", "G", "B"] };
-        let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = names
-            .iter()
-            .enumerate()
-            .map(|(place, &name)| AnyChannel::new(name, samples(frame, place, half)))
-            .collect();
-        let encoding = Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
-        let size = Vec2(frame.width, frame.height);
-        let layer = Layer::new(size, attributes()?, encoding, AnyChannels::sort(channels));
-        Image::from_layer(layer)
-            .write()
-            .non_parallel()
-            .to_buffered(writer)
-            .map_err(|error| Error::failed("cannot be written").because(error))
-    })
+    replace(path, |writer| encode(writer, frame, attributes, compression, half))
+}
+
+fn encode(
+    writer: impl Write + Seek,
+    frame: &Frame,
+    attributes: impl FnOnce() -> Result<LayerAttributes>,
+    compression: Compression,
+    half: bool,
+) -> Result<()> {
+    let count = match &frame.pixels {
+        Pixels::Codes(codes) => codes.len(),
+        Pixels::Radiance(values) => values.len(),
+    };
+    check_samples(frame.width, frame.height, frame.channels, count)?;
+    let names: &[&str] = if frame.channels == 1 { &["Y"] } else { &["R", "G", "B"] };
+    let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = names
+        .iter()
+        .enumerate()
+        .map(|(place, &name)| AnyChannel::new(name, samples(frame, place, half)))
+        .collect();
+    let encoding = Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let size = Vec2(frame.width, frame.height);
+    let layer = Layer::new(size, attributes()?, encoding, AnyChannels::sort(channels));
+    Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(writer)
+        .map_err(|error| Error::failed("cannot be written").because(error))
 }
 
 /// The samples of one channel.

@@ -3,6 +3,7 @@ use crate::error::{Error, Result};
 use crate::image::Stamp;
 use crate::light::MAX_LIGHTS;
 use serde::Deserialize;
+use serde::de::{DeserializeOwned, IgnoredAny};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
@@ -11,10 +12,10 @@ const LINE_MAX_BYTES: u64 = 1 << 23;
 
 /// How far a direction may be from length 1: four written digits.
 const LENGTH_TOLERANCE: f32 = 1e-3;
-/// Sums of the most lights of so much still are numbers.
-const MOST_IRRADIANCE: f32 = 1e30;
-/// More than the sum of the most lights of the most irradiance.
-const MOST_POWER: f64 = 1e36;
+/// The highest irradiance that is read: sums of the most lights of so much still are numbers.
+pub const MOST_IRRADIANCE: f32 = 1e30;
+/// The highest power that is read: more than the sum of the most lights of the most irradiance.
+pub const MOST_POWER: f64 = 1e36;
 
 /// Light lists from a file of JSON lines, as [`LightList::write_json_line`] writes them.
 pub struct ListFile {
@@ -24,12 +25,15 @@ pub struct ListFile {
     line: Vec<u8>,
 }
 
-/// What a line must hold. Unknown keys are let pass: later versions may say more.
+/// What a line must hold. Unknown keys are let pass: later versions may say more. The stamp's keys stand here one by one
+/// because a flattened `Stamp` would have serde keep the values of all unknown keys.
 #[derive(Deserialize)]
-struct Message {
+struct Message<S> {
     version: u32,
-    #[serde(flatten)]
-    stamp: Stamp,
+    sequence: u64,
+    capture_time_ns: i64,
+    lost_before: u64,
+    frame_rate_hz: f64,
     #[serde(default)]
     filter_delay_frames: u32,
     power: Option<[f64; 3]>,
@@ -38,6 +42,7 @@ struct Message {
     #[serde(default)]
     prefix_errors: Vec<(u32, f32)>,
     lights: Vec<Light>,
+    stream: Option<S>,
 }
 
 impl ListFile {
@@ -85,11 +90,21 @@ impl LightList {
     ///
     /// # Errors
     /// With the column: no JSON, a key that is missing, another version; with the number of the light: directions that
-    /// are no unit vectors, irradiances that are negative, not finite or above 1e30.
+    /// are no unit vectors, irradiances that are negative, not finite or above 1e30; errors that are negative or not
+    /// finite. The list is then as it was.
     pub fn read_json(&mut self, text: &[u8]) -> Result<()> {
-        let message: Message = serde_json::from_slice(text)
+        self.read_json_with::<IgnoredAny>(text).map(|_| ())
+    }
+
+    /// [`Self::read_json`]; gives the value of the key `stream`, in which a list on its way says what goes with it.
+    ///
+    /// # Errors
+    /// Also when that value is no `S`.
+    pub fn read_json_with<S: DeserializeOwned>(&mut self, text: &[u8]) -> Result<Option<S>> {
+        let message: Message<S> = serde_json::from_slice(text)
             .map_err(|error| Error::failed("is no light list, one JSON object").because(error))?;
-        let Message { version, stamp, filter_delay_frames, power, error, prefix_errors, lights } = message;
+        let Message { version, sequence, capture_time_ns, lost_before, frame_rate_hz, .. } = message;
+        let Message { filter_delay_frames, power, error, prefix_errors, lights, stream, .. } = message;
         if version != 1 {
             return Err(Error::failed(format!("is of version {version}; this program reads version 1")));
         }
@@ -115,16 +130,25 @@ impl LightList {
         if power.is_some_and(|power| !power.iter().all(|v| (0.0..=MOST_POWER).contains(v))) {
             return Err(Error::failed("its power is not from 0 to 1e36"));
         }
+        if !prefix_errors
+            .iter()
+            .map(|&(_, error)| error)
+            .chain([error])
+            .all(|v| (0.0..=f32::MAX).contains(&v))
+        {
+            return Err(Error::failed("its error, or that of a prefix, is not from 0 to 3.4e38"));
+        }
         let mut ids: Vec<u32> = lights.iter().map(|light| light.id).collect();
         ids.sort_unstable();
         if let Some(pair) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(Error::failed(format!("two lights have the id {}", pair[0])));
         }
-        (self.stamp, self.filter_delay_frames, self.error) = (stamp, filter_delay_frames, error);
+        self.stamp = Stamp { sequence, capture_time_ns, lost_before, frame_rate_hz };
+        (self.filter_delay_frames, self.error) = (filter_delay_frames, error);
         (self.prefix_errors, self.lights) = (prefix_errors, lights);
         self.reference_irradiance.clear();
         self.power = power.unwrap_or_else(|| self.sum_of_lights());
-        Ok(())
+        Ok(stream)
     }
 }
 
@@ -181,8 +205,14 @@ mod tests {
             (format!("{{\"version\":1,{stamp}}}"), "missing field `lights`"),
             (one(&sound.replace("0,1,0", "0,1.1,0")), "light 0 (id 1): its direction is no unit vector"),
             (one(&sound.replace("1,1,1", "1,-1,1")), "its irradiance is not from 0"),
-            (one(&sound.replace("1,1,1", "1,1e39,1")), "its irradiance is not from 0 to 1e30"),
+            (one(&sound.replace("1,1,1", "1,1e31,1")), "its irradiance is not from 0 to 1e30"),
+            (one(&sound.replace("1,1,1", "1,1e39,1")), "number out of range at line 1 column 141"),
             (one(&sound.replace("rad\":0", "rad\":4")), "its spread_rad is no angle"),
+            (one("").replace('{', "{\"error\":-1,"), "its error, or that of a prefix, is not"),
+            (
+                one("").replace('{', "{\"prefix_errors\":[[1,-1]],"),
+                "its error, or that of a prefix, is not from 0",
+            ),
             (one(&format!("{sound},{sound}")), "two lights have the id 1"),
         ] {
             let (_folder, mut file) = file(&format!("\n{line}\n"));

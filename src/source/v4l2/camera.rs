@@ -2,11 +2,12 @@
 
 use super::control::{self, ControlValue};
 use super::identity::{self, Identity};
-use super::node::{Node, Stream, monotonic_now_ns, pix_format};
+use super::node::{Node, Stream, pix_format};
 use super::pixel_format::{self, PixelFormat, Samples};
 use super::unpack::Layout;
 use crate::error::{Error, Kind, Result};
 use crate::image::{Frame, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, Pixels, decode_jpeg};
+use crate::rt::monotonic_ns;
 use crate::source::{BadBuffer, Camera, Captured, ExposureControl, FrameFormat, Mark};
 use std::collections::BTreeMap;
 use std::io;
@@ -173,7 +174,7 @@ impl Camera for V4l2Camera {
             Ok(None) => return Ok(Captured::Nothing),
             Err(error) => return Err(lost(name, "gives no more frames", error)),
         };
-        let now_ns = monotonic_now_ns();
+        let now_ns = monotonic_ns();
         let time_ns = buffer.time_ns.unwrap_or(now_ns);
         let mark = Mark { sequence: buffer.sequence, time_ns, age_ns: now_ns.saturating_sub(time_ns) };
         let bad = if buffer.is_faulty {

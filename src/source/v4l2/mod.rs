@@ -14,4 +14,3 @@ mod unpack;
 pub use camera::{V4l2Camera, V4l2Options};
 pub use control::{Control, ControlKind, ControlValue};
 pub use listing::{Device, Format, Size, devices};
-pub use node::utc_from_monotonic_ns;

@@ -349,20 +349,6 @@ fn description(index: u32) -> sys::v4l2_buffer {
     sys::v4l2_buffer { index, type_: CAPTURE, memory: MAPPED, ..zeroed() }
 }
 
-/// Now on the kernel's monotonic clock, that of most drivers' time stamps.
-pub(super) fn monotonic_now_ns() -> i64 {
-    let mut now = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: the structure is ours; this clock always exists on Linux.
-    unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &raw mut now) };
-    now.tv_sec * 1_000_000_000 + now.tv_nsec
-}
-
-/// What to add to the monotonic clock's time to get nanoseconds since 1970, now.
-pub fn utc_from_monotonic_ns() -> i64 {
-    let utc = std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-    i64::try_from(utc.as_nanos()).unwrap_or(i64::MAX).saturating_sub(monotonic_now_ns())
-}
-
 /// Memory of a buffer.
 #[derive(Debug)]
 struct Mapping {

@@ -113,9 +113,12 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// Counters in the order of their making: kernel, faulty, short, undecodable, incomplete, out of order, away, restarts.
+    /// Counters in the order of their making: kernel, faulty, short, undecodable, incomplete, out of order, away, restarts;
+    /// the attempts, which come last, are as many as the starts.
     fn counts(&self) -> Vec<u64> {
-        self.counters.iter().map(|counter| counter.1).collect()
+        let (attempts, others) = self.counters.split_last().unwrap();
+        assert_eq!(*attempts, (ATTEMPTS, self.starts_ms.len() as u64));
+        others.iter().map(|counter| counter.1).collect()
     }
 }
 

@@ -1,0 +1,60 @@
+//! What a service tells systemd (Type=notify): that it is ready, that it gets on, that it ends. Elsewhere nothing is told.
+
+use crate::service::Summary;
+use sd_notify::NotifyState;
+use std::time::{Duration, Instant};
+
+/// Tells systemd how a run gets on. The watchdog is fed by progress, never by time alone: a stage that hangs lets it starve.
+pub(super) struct Watchdog {
+    /// How often it has to be fed; `None`: there is none.
+    hunger: Option<Duration>,
+    is_ready: bool,
+    progress: u64,
+    fed: Option<Instant>,
+}
+
+impl Watchdog {
+    pub fn new() -> Self {
+        Self { hunger: sd_notify::watchdog_enabled(), is_ready: false, progress: 0, fed: None }
+    }
+
+    /// Looks at what the stages have done, several times a second. The first list makes the service ready.
+    pub fn see(&mut self, summary: &Summary) {
+        let lists = summary.lists_published();
+        if !self.is_ready && lists > 0 {
+            self.is_ready = true;
+            tell(&[NotifyState::Ready, NotifyState::Status("lists flow")]);
+        }
+        let Some(hunger) = self.hunger else { return };
+        let progress = summary.progress();
+        let is_due = self.fed.is_none_or(|fed| fed.elapsed() >= hunger / 4);
+        if progress != self.progress && is_due {
+            (self.progress, self.fed) = (progress, Some(Instant::now()));
+            tell(&[NotifyState::Watchdog]);
+        }
+    }
+
+    /// Before a configuration is taken anew: the next list makes the service ready again.
+    pub fn reloading(&mut self) {
+        if let Ok(now) = NotifyState::monotonic_usec_now() {
+            tell(&[NotifyState::Reloading, now]);
+        }
+        (self.is_ready, self.progress) = (false, 0);
+    }
+
+    /// After a configuration that was not taken.
+    pub fn stays(&mut self) {
+        self.is_ready = true;
+        tell(&[NotifyState::Ready]);
+    }
+
+    pub fn stopping(&self) {
+        tell(&[NotifyState::Stopping]);
+    }
+}
+
+fn tell(state: &[NotifyState]) {
+    if let Err(error) = sd_notify::notify(state) {
+        tracing::warn!("systemd cannot be told {state:?}: {error}");
+    }
+}

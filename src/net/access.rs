@@ -1,0 +1,164 @@
+//! Who gets in: the names that the server goes by, the pages that may ask, the token.
+
+use super::ServerOptions;
+use axum::http::header::{AUTHORIZATION, HOST, ORIGIN, SEC_WEBSOCKET_PROTOCOL};
+use axum::http::{HeaderMap, StatusCode};
+
+/// What a browser puts in front of a token where it names the subprotocols of a WebSocket, the one place where it lets a
+/// page put anything.
+const TOKEN_PROTOCOL: &str = "lightcast.token.";
+
+/// Why a request is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Refusal {
+    /// It was sent to another name than the server's: a page has made its own name point here (DNS rebinding).
+    Host,
+    /// A page of somebody else sent it.
+    Origin,
+    /// It shows no token, or a wrong one.
+    Token,
+}
+
+impl Refusal {
+    pub fn status(self) -> StatusCode {
+        match self {
+            Self::Host | Self::Origin => StatusCode::FORBIDDEN,
+            Self::Token => StatusCode::UNAUTHORIZED,
+        }
+    }
+
+    /// What to tell the client.
+    pub fn reason(self) -> &'static str {
+        match self {
+            Self::Host => "this server listens on localhost only; call it by that name",
+            Self::Origin => "pages of this origin may not connect; [server] origins names those that may",
+            Self::Token => {
+                "a token is needed: Authorization: Bearer TOKEN, or the subprotocol lightcast.token.TOKEN"
+            }
+        }
+    }
+}
+
+/// Checks a request. A server on a loopback address goes by the names of this machine only.
+pub(super) fn check(
+    headers: &HeaderMap,
+    options: &ServerOptions,
+    is_loopback: bool,
+    needs_token: bool,
+) -> Result<(), Refusal> {
+    let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
+    let host = text(HOST).unwrap_or("");
+    let is_own_name = || matches!(name_of(host), "localhost" | "127.0.0.1" | "[::1]");
+    if is_loopback && !is_own_name() && !options.origins.iter().any(|origin| host_of(origin) == Some(host)) {
+        return Err(Refusal::Host);
+    }
+    // Programs send none; browsers always do where it matters.
+    if let Some(origin) = text(ORIGIN)
+        && host_of(origin) != Some(host)
+        && !options.origins.iter().any(|allowed| allowed == origin)
+    {
+        return Err(Refusal::Origin);
+    }
+    match &options.token {
+        Some(token) if needs_token => {
+            let is_shown = shown_tokens(headers).any(|shown| token.is(shown));
+            if is_shown { Ok(()) } else { Err(Refusal::Token) }
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Host and port of an origin, as a Host header has them.
+fn host_of(origin: &str) -> Option<&str> {
+    origin.split_once("://").map(|(_, host)| host)
+}
+
+/// A host without its port.
+fn name_of(host: &str) -> &str {
+    match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+        _ => host,
+    }
+}
+
+fn shown_tokens(headers: &HeaderMap) -> impl Iterator<Item = &[u8]> {
+    let bearer = headers.get_all(AUTHORIZATION).iter().filter_map(|value| {
+        let bytes = value.as_bytes();
+        let (scheme, token) = bytes.split_at_checked("Bearer ".len())?;
+        scheme.eq_ignore_ascii_case(b"Bearer ").then_some(token.trim_ascii())
+    });
+    let protocols = headers
+        .get_all(SEC_WEBSOCKET_PROTOCOL)
+        .iter()
+        .flat_map(|value| value.as_bytes().split(|&byte| byte == b','))
+        .filter_map(|name| name.trim_ascii().strip_prefix(TOKEN_PROTOCOL.as_bytes()));
+    bearer.chain(protocols)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Token;
+    use super::*;
+
+    fn headers(pairs: &[(&'static str, &'static str)]) -> HeaderMap {
+        pairs.iter().map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap())).collect()
+    }
+
+    fn checked(options: &ServerOptions, pairs: &[(&'static str, &'static str)]) -> Result<(), Refusal> {
+        check(&headers(pairs), options, true, true)
+    }
+
+    #[test]
+    fn a_server_on_localhost_goes_by_its_own_names() {
+        let options = ServerOptions { origins: vec!["https://studio.example".into()], ..Default::default() };
+        for host in ["localhost:7300", "127.0.0.1:1", "[::1]:80", "localhost", "[::1]", "studio.example"] {
+            assert_eq!(check(&headers(&[("host", host)]), &options, true, true), Ok(()), "{host}");
+        }
+        for pairs in [&[("host", "evil.example:7300")][..], &[("host", "localhost.evil.example")], &[]] {
+            assert_eq!(checked(&options, pairs), Err(Refusal::Host), "{pairs:?}");
+            assert_eq!(check(&headers(pairs), &options, false, true), Ok(()), "elsewhere it has any name");
+        }
+    }
+
+    #[test]
+    fn pages_of_others_are_refused() {
+        let options = ServerOptions { origins: vec!["https://studio.example".into()], ..Default::default() };
+        let host = ("host", "localhost:7300");
+        for origin in ["http://localhost:7300", "https://studio.example"] {
+            assert_eq!(checked(&options, &[host, ("origin", origin)]), Ok(()), "{origin}");
+        }
+        for origin in
+            ["http://localhost:7301", "http://studio.example", "null", "", "https://studio.example.evil"]
+        {
+            assert_eq!(checked(&options, &[host, ("origin", origin)]), Err(Refusal::Origin), "{origin}");
+        }
+    }
+
+    #[test]
+    fn the_token_is_taken_from_either_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("token");
+        std::fs::write(&path, "0123456789abcdef").unwrap();
+        let options = ServerOptions { token: Some(Token::load(&path).unwrap()), ..Default::default() };
+        let host = ("host", "localhost");
+        for shown in [
+            ("authorization", "Bearer 0123456789abcdef"),
+            ("authorization", "bearer 0123456789abcdef"),
+            ("sec-websocket-protocol", "lightcast.v1.json, lightcast.token.0123456789abcdef"),
+        ] {
+            assert_eq!(checked(&options, &[host, shown]), Ok(()), "{shown:?}");
+        }
+        for shown in [
+            ("authorization", "Bearer 0123456789abcdeF"),
+            ("authorization", "Basic 0123456789abcdef"),
+            ("authorization", "0123456789abcdef"),
+            ("authorization", "Bearer "),
+            ("sec-websocket-protocol", "lightcast.v1.json, lightcast.token.0123456789abcde"),
+            ("sec-websocket-protocol", "0123456789abcdef"),
+            ("x-token", "0123456789abcdef"),
+        ] {
+            assert_eq!(checked(&options, &[host, shown]), Err(Refusal::Token), "{shown:?}");
+        }
+        assert_eq!(check(&headers(&[host]), &options, true, false), Ok(()), "what anybody may see");
+    }
+}

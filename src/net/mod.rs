@@ -1,0 +1,19 @@
+//! The server that streams lists to clients, and the client that takes them: the only asynchronous code.
+//!
+//! The service posts lists and maps on a [`Board`]; a [`Server`], which outlives a service that is configured anew, has
+//! one thread for all its clients and takes from the board what each of them wants. So no client holds up the service or
+//! another client: whoever is slow finds the newest list when they are ready, and is told what they missed.
+
+mod access;
+mod board;
+mod metrics;
+mod options;
+
+mod requests;
+mod server;
+mod session;
+mod turn;
+
+pub use board::Board;
+pub use options::{ServerOptions, Token};
+pub use server::Server;

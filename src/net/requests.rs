@@ -1,0 +1,210 @@
+//! What the server answers to requests over HTTP.
+
+use super::access::{self, Refusal};
+use super::metrics;
+use super::server::Shared;
+use super::session::Session;
+use crate::image::{PolarMap, encode_map_exr};
+use crate::picture::encode_map_png;
+use crate::wire::{self, Subscription};
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{RawQuery, Request, State};
+use axum::http::header::{
+    CACHE_CONTROL, CONTENT_TYPE, RETRY_AFTER, WWW_AUTHENTICATE, X_CONTENT_TYPE_OPTIONS,
+};
+use axum::http::{HeaderName, HeaderValue, StatusCode};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A server whose newest list is older than this, and than five frames, is not ready.
+const READY_WITHIN: Duration = Duration::from_secs(5);
+
+/// Number of the newest item in its sequence.
+const SEQUENCE: HeaderName = HeaderName::from_static("lightcast-sequence");
+/// Polar angle of the lower rim of a map.
+const THETA_MAX_RAD: HeaderName = HeaderName::from_static("lightcast-theta-max-rad");
+
+pub(super) fn router(shared: &Arc<Shared>) -> Router {
+    let protected = Router::new()
+        .route("/ws", get(stream))
+        .route("/lights", get(lights))
+        .route("/map.png", get(map_png))
+        .route("/map.exr", get(map_exr))
+        .route("/metrics", get(metrics))
+        .route_layer(middleware::from_fn_with_state(shared.clone(), needs_token));
+    Router::new()
+        .route("/healthz", get(|| async { "ok\n" }))
+        .route("/readyz", get(ready))
+        .merge(protected)
+        .fallback(|| async { refused(StatusCode::NOT_FOUND, "there is nothing of this name here") })
+        .layer(middleware::from_fn_with_state(shared.clone(), needs_no_token))
+        .with_state(shared.clone())
+}
+
+async fn needs_token(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    check(&shared, true, request, next).await
+}
+
+async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    let mut response = check(&shared, false, request, next).await;
+    let headers = response.headers_mut();
+    headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    headers.entry(CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
+    response
+}
+
+async fn check(shared: &Shared, needs_token: bool, request: Request, next: Next) -> Response {
+    let options = shared.options();
+    match access::check(request.headers(), &options, shared.is_loopback, needs_token) {
+        Ok(()) => next.run(request).await,
+        Err(refusal) => {
+            shared.counters.refused.add(1);
+            let mut response = refused(refusal.status(), refusal.reason());
+            if refusal == Refusal::Token {
+                response.headers_mut().insert(WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+            }
+            response
+        }
+    }
+}
+
+/// A refusal: one sentence, for whoever reads it.
+fn refused(status: StatusCode, reason: impl Into<String>) -> Response {
+    (status, reason.into() + "\n").into_response()
+}
+
+fn not_yet(what: &str) -> Response {
+    let mut response = refused(StatusCode::SERVICE_UNAVAILABLE, format!("there is no {what} yet"));
+    response.headers_mut().insert(RETRY_AFTER, HeaderValue::from_static("1"));
+    response
+}
+
+async fn stream(
+    State(shared): State<Arc<Shared>>,
+    RawQuery(query): RawQuery,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let subscription = match Subscription::from_query(query.as_deref().unwrap_or("")) {
+        Ok(subscription) => subscription,
+        Err(error) => return refused(StatusCode::BAD_REQUEST, error.to_string()),
+    };
+    let upgrade = upgrade.protocols([wire::BINARY, wire::JSON]);
+    let is_binary = match upgrade.selected_protocol().map(HeaderValue::as_bytes) {
+        Some(name) if name == wire::BINARY.as_bytes() => true,
+        Some(_) => false,
+        None => {
+            let reason = format!("name a subprotocol: {} or {}", wire::JSON, wire::BINARY);
+            return refused(StatusCode::BAD_REQUEST, reason);
+        }
+    };
+    let phase = shared.phase();
+    let options = shared.options();
+    let Some(place) = shared.admit(options.clients_max) else {
+        shared.counters.refused.add(1);
+        return refused(StatusCode::SERVICE_UNAVAILABLE, "all places are taken; try again later");
+    };
+    upgrade.max_message_size(wire::DEMAND_MAX_BYTES).max_frame_size(wire::DEMAND_MAX_BYTES).on_upgrade(
+        move |socket| async move {
+            Session::new(socket, &shared, phase, subscription, is_binary, options.patience).run().await;
+            drop(place);
+        },
+    )
+}
+
+async fn lights(State(shared): State<Arc<Shared>>, RawQuery(query): RawQuery) -> Response {
+    let subscription = match Subscription::from_query(query.as_deref().unwrap_or("")) {
+        Ok(subscription) => subscription,
+        Err(error) => return refused(StatusCode::BAD_REQUEST, error.to_string()),
+    };
+    let Some((post, _)) = shared.board.newest() else { return not_yet("list") };
+    match shared.board.body(&post, &subscription, false) {
+        Ok(body) => {
+            let sequence = HeaderValue::from(post.list.stamp.sequence);
+            let kind = HeaderValue::from_static("application/json");
+            ([(CONTENT_TYPE, kind), (SEQUENCE, sequence)], body).into_response()
+        }
+        Err(error) => failed(&error),
+    }
+}
+
+async fn map_png(State(shared): State<Arc<Shared>>) -> Response {
+    map(&shared, 0, "image/png", encode_map_png).await
+}
+
+async fn map_exr(State(shared): State<Arc<Shared>>) -> Response {
+    map(&shared, 1, "image/x-exr", encode_map_exr).await
+}
+
+/// The newest map as a file. Encoding takes milliseconds: it is done once for all who ask for the same map, one at a
+/// time, and beside the thread that streams.
+async fn map(
+    shared: &Arc<Shared>,
+    kept: usize,
+    kind: &'static str,
+    encode: fn(&PolarMap) -> crate::error::Result<Vec<u8>>,
+) -> Response {
+    let mut kept = shared.maps[kept].lock().await;
+    let Some(stamp) = shared.board.map_stamp() else { return not_yet("map") };
+    let is_newest = kept.as_ref().is_some_and(|kept| kept.sequence == stamp.sequence);
+    if !is_newest {
+        let Some(map) = shared.board.map() else { return not_yet("map") };
+        let encoded = tokio::task::spawn_blocking(move || {
+            let bytes = encode(&map)?;
+            Ok(EncodedMap {
+                sequence: map.stamp.sequence,
+                theta_max_rad: map.shape.theta_max_rad,
+                bytes: bytes.into(),
+            })
+        });
+        match encoded.await {
+            Ok(Ok(encoded)) => *kept = Some(encoded),
+            Ok(Err(error)) => return failed(&error),
+            Err(error) => return failed(&crate::error::Error::failed("cannot be encoded").because(error)),
+        }
+    }
+    let Some(kept) = &*kept else { return not_yet("map") };
+    let theta_max = HeaderValue::try_from(kept.theta_max_rad.to_string());
+    let headers = [
+        (CONTENT_TYPE, HeaderValue::from_static(kind)),
+        (SEQUENCE, HeaderValue::from(kept.sequence)),
+        (THETA_MAX_RAD, theta_max.unwrap_or(HeaderValue::from_static(""))),
+    ];
+    (headers, kept.bytes.clone()).into_response()
+}
+
+/// A map as a file.
+pub(super) struct EncodedMap {
+    sequence: u64,
+    theta_max_rad: f64,
+    bytes: Bytes,
+}
+
+async fn metrics(State(shared): State<Arc<Shared>>) -> Response {
+    match metrics::text(&shared) {
+        Ok(text) => ([(CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response(),
+        Err(error) => failed(&crate::error::Error::failed("cannot be put into text").because(error)),
+    }
+}
+
+/// Whether lists flow.
+async fn ready(State(shared): State<Arc<Shared>>) -> Response {
+    let Some((post, posted_at)) = shared.board.newest() else { return not_yet("list") };
+    let rate_hz = post.list.stamp.frame_rate_hz;
+    let five_frames = Duration::try_from_secs_f64(5.0 / rate_hz).unwrap_or(READY_WITHIN);
+    let age = posted_at.elapsed();
+    if age > READY_WITHIN.max(five_frames) {
+        let reason = format!("the newest list is {:.1} s old", age.as_secs_f64());
+        return refused(StatusCode::SERVICE_UNAVAILABLE, reason);
+    }
+    "lists flow\n".into_response()
+}
+
+fn failed(error: &crate::error::Error) -> Response {
+    tracing::error!("{error}");
+    refused(StatusCode::INTERNAL_SERVER_ERROR, error.to_string())
+}

@@ -1,0 +1,239 @@
+//! One client that lists are streamed to.
+
+use super::board::Post;
+use super::server::{Phase, Shared};
+use super::turn::Turn;
+use crate::rt::{monotonic_ns, utc_from_monotonic_ns};
+use crate::wire::{Delivery, Subscription, binary, json};
+use axum::Error;
+use axum::extract::ws::{CloseCode, CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::watch;
+use tokio::time::{MissedTickBehavior, interval, timeout};
+use tokio_tungstenite::tungstenite;
+
+/// Messages that a client may send at once, and how many more in a second; more is a flood.
+const BURST: f64 = 20.0;
+const MESSAGES_PER_SECOND: f64 = 4.0;
+/// Longest wait for a client to take the words with which it is disconnected.
+const FAREWELL: Duration = Duration::from_millis(500);
+
+/// A connected client.
+pub(super) struct Session {
+    socket: WebSocket,
+    shared: Arc<Shared>,
+    phase: watch::Receiver<Phase>,
+    turn: Turn,
+    is_binary: bool,
+    patience: Duration,
+    /// When the client last said anything, a pong at least.
+    heard: Instant,
+    /// Messages that it may send now.
+    allowance: f64,
+    /// The message under way.
+    message: Vec<u8>,
+}
+
+/// Why a session ends.
+enum End {
+    /// The client has gone, or the connection broke.
+    Gone,
+    /// It is sent away.
+    Close(CloseCode, &'static str),
+}
+
+impl Session {
+    /// `phase` was taken before the rules under which the client came in were looked at.
+    pub fn new(
+        socket: WebSocket,
+        shared: &Arc<Shared>,
+        phase: watch::Receiver<Phase>,
+        subscription: Subscription,
+        is_binary: bool,
+        patience: Duration,
+    ) -> Self {
+        // The newest list at once, not only when the next one comes.
+        let first = shared.board.newest().map_or(0, |(post, _)| post.number);
+        Self {
+            socket,
+            shared: shared.clone(),
+            phase,
+            turn: Turn::new(subscription, first),
+            is_binary,
+            patience,
+            heard: Instant::now(),
+            allowance: BURST,
+            message: Vec::new(),
+        }
+    }
+
+    /// Streams until one of the two has enough.
+    pub async fn run(mut self) {
+        let Err(end) = self.stream().await;
+        if let End::Close(code, reason) = end {
+            let close = CloseFrame { code, reason: Utf8Bytes::from_static(reason) };
+            let _ = timeout(FAREWELL, self.socket.send(Message::Close(Some(close)))).await;
+            // Until the client has closed its end: what it does not take before the connection goes would be lost.
+            let _ = timeout(FAREWELL, async { while let Some(Ok(_)) = self.socket.recv().await {} }).await;
+        }
+    }
+
+    async fn stream(&mut self) -> Result<std::convert::Infallible, End> {
+        let mut posts = self.shared.board.posts();
+        posts.mark_changed();
+        if *self.phase.borrow() == Phase::Ending {
+            return Err(End::Close(close_code::AWAY, "the server ends"));
+        }
+        let mut glance = interval(self.patience / 4);
+        glance.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                biased;
+                received = self.socket.recv() => {
+                    match received {
+                        Some(Ok(message)) => self.hear(message).await?,
+                        Some(Err(error)) => return Err(end_of(error)),
+                        None => return Err(End::Gone),
+                    }
+                }
+                _ = self.phase.changed() => {
+                    let is_ending = *self.phase.borrow_and_update() == Phase::Ending;
+                    if is_ending {
+                        // What is on the board is the rest.
+                        while self.send_next().await? {}
+                        return Err(End::Close(close_code::AWAY, "the server ends"));
+                    }
+                    return Err(End::Close(close_code::AWAY, "the server has new rules; connect again"));
+                }
+                _ = glance.tick() => self.ask().await?,
+                _ = posts.changed() => {
+                    // One at a time, so that the client is heard between two.
+                    if self.send_next().await? {
+                        posts.mark_changed();
+                    }
+                }
+            }
+        }
+    }
+
+    /// Sends what is due next; whether there was anything.
+    async fn send_next(&mut self) -> Result<bool, End> {
+        let Some((post, lost)) = self.shared.board.look(|posts| self.turn.next(posts.iter())) else {
+            return Ok(false);
+        };
+        let body = match self.shared.board.body(&post, self.turn.subscription(), self.is_binary) {
+            Ok(body) => body,
+            Err(error) => {
+                tracing::error!("list {}: {error}", post.list.stamp.sequence);
+                return Ok(true);
+            }
+        };
+        let delivery = delivery(&post, lost);
+        let message = if self.is_binary {
+            binary::encode(&body, &delivery, &mut self.message);
+            Message::Binary(std::mem::take(&mut self.message).into())
+        } else {
+            json::encode(&body, &delivery, &mut self.message);
+            let text = String::from_utf8(std::mem::take(&mut self.message)).expect("JSON is UTF-8");
+            Message::Text(text.into())
+        };
+        let bytes = message_bytes(&message);
+        self.send(message).await?;
+        let counters = &self.shared.counters;
+        counters.lists_sent.add(1);
+        counters.lists_lost.add(lost);
+        counters.bytes_sent.add(bytes);
+        Ok(true)
+    }
+
+    async fn send(&mut self, message: Message) -> Result<(), End> {
+        match timeout(self.patience, self.socket.send(message)).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(_)) => Err(End::Gone),
+            Err(_) => {
+                self.shared.counters.silent.add(1);
+                Err(End::Gone)
+            }
+        }
+    }
+
+    async fn answer(&mut self, answer: serde_json::Value) -> Result<(), End> {
+        self.send(Message::Text(answer.to_string().into())).await
+    }
+
+    async fn hear(&mut self, message: Message) -> Result<(), End> {
+        let now = Instant::now();
+        let since_s = now.duration_since(self.heard).as_secs_f64();
+        self.heard = now;
+        self.allowance = (self.allowance + since_s * MESSAGES_PER_SECOND).min(BURST) - 1.0;
+        if self.allowance < 0.0 {
+            self.shared.counters.floods.add(1);
+            return Err(End::Close(close_code::POLICY, "too many messages"));
+        }
+        match message {
+            Message::Text(text) => match Subscription::from_message(text.as_bytes()) {
+                Ok(subscription) => {
+                    self.turn.subscribe(subscription);
+                    self.answer(serde_json::json!({ "subscribed": subscription })).await
+                }
+                Err(error) => {
+                    self.shared.counters.bad_messages.add(1);
+                    self.answer(serde_json::json!({ "error": error.to_string() })).await
+                }
+            },
+            Message::Binary(_) => {
+                self.shared.counters.bad_messages.add(1);
+                Err(End::Close(close_code::UNSUPPORTED, "clients send text"))
+            }
+            Message::Ping(_) | Message::Pong(_) => Ok(()),
+            Message::Close(_) => Err(End::Gone),
+        }
+    }
+
+    /// Asks a client that is silent whether it is there; gives one up that has not said anything for too long.
+    async fn ask(&mut self) -> Result<(), End> {
+        let silence = self.heard.elapsed();
+        if silence >= self.patience {
+            self.shared.counters.silent.add(1);
+            return Err(End::Gone);
+        }
+        if silence >= self.patience / 2 {
+            self.send(Message::Ping(axum::body::Bytes::new())).await?;
+        }
+        Ok(())
+    }
+}
+
+/// The times of a message that is sent now.
+fn delivery(post: &Post, lost: u64) -> Delivery {
+    let (now_ns, utc_from_monotonic_ns) = (monotonic_ns(), utc_from_monotonic_ns());
+    let utc = |monotonic_ns: i64| monotonic_ns.saturating_add(utc_from_monotonic_ns);
+    Delivery {
+        lost,
+        capture_monotonic_ns: post.capture_monotonic_ns,
+        capture_utc_ns: post.capture_monotonic_ns.map(utc),
+        sent_monotonic_ns: now_ns,
+        sent_utc_ns: utc(now_ns),
+    }
+}
+
+fn message_bytes(message: &Message) -> u64 {
+    match message {
+        Message::Text(text) => text.len() as u64,
+        Message::Binary(bytes) => bytes.len() as u64,
+        _ => 0,
+    }
+}
+
+/// What an error of the connection means.
+fn end_of(error: Error) -> End {
+    match error.into_inner().downcast_ref::<tungstenite::Error>() {
+        Some(tungstenite::Error::Capacity(_)) => End::Close(close_code::SIZE, "the message is too long"),
+        Some(tungstenite::Error::Utf8(_)) => End::Close(close_code::INVALID, "text is UTF-8"),
+        Some(tungstenite::Error::Protocol(_)) => {
+            End::Close(close_code::PROTOCOL, "this is no WebSocket frame")
+        }
+        _ => End::Gone,
+    }
+}
