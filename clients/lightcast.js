@@ -312,7 +312,11 @@ export class LightcastClient extends EventTarget {
    */
   subscribe(subscription) {
     this.#subscription = { ...subscription };
-    if (this.#state.state === "open") this.#socket.send(JSON.stringify({ subscribe: this.#subscription }));
+    if (this.#state.state === "open") this.#ask();
+  }
+
+  #ask() {
+    this.#socket.send(JSON.stringify({ subscribe: this.#subscription }));
   }
 
   #attempt() {
@@ -327,10 +331,13 @@ export class LightcastClient extends EventTarget {
       // What an abandoned socket still says is not for us.
       if (this.#socket === socket) act(event);
     };
+    const asked = this.#subscription;
     let wasOpen = false;
     socket.addEventListener("open", mine(() => {
       wasOpen = true;
       this.#openedAt = Date.now();
+      // Asked for since the attempt began.
+      if (this.#subscription !== asked) this.#ask();
       this.#tell("open", "", null);
     }));
     socket.addEventListener("message", mine(({ data }) => this.#take(data)));

@@ -8,7 +8,7 @@ mod access;
 mod board;
 mod metrics;
 mod options;
-
+mod page;
 mod requests;
 mod server;
 mod session;

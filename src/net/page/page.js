@@ -11,6 +11,8 @@ import { parseStages, showStages } from "/stages.js";
 const MAP_EVERY_MS = 500;
 const METRICS_EVERY_MS = 2000;
 const TEXT_EVERY_MS = 200;
+/** The server takes four questions a second, and more for a flood. */
+const ASK_EVERY_MS = 260;
 /** An answer that takes longer does not come. */
 const PATIENCE_MS = 10_000;
 /** After so long without a list the page says so. */
@@ -38,6 +40,8 @@ let retryAt = 0;
 let token = null;
 /** Whether a list came since the connection was opened. */
 let fresh = false;
+/** Whether the lists that come have all lights: not while the server has yet to hear that we want them. */
+let isWhole = false;
 
 const socketUrl = new URL("/ws", location.href);
 socketUrl.protocol = location.protocol === "https:" ? "wss:" : "ws:";
@@ -58,6 +62,7 @@ client.addEventListener("state", ({ detail: { state, retry_ms } }) => {
     arrivals = [];
     age = new Age();
     lostLists = lostFrames = 0;
+    isWhole = client.subscription.lights === undefined;
     say("count-fault", "");
   }
   if (retry_ms !== null) {
@@ -81,7 +86,7 @@ client.addEventListener("list", ({ detail }) => {
   scene.setLights(list.lights);
   powers.push(now / 1e3, [luminance(list.power)]);
   errors.push(now / 1e3, [100 * list.error]);
-  if (client.subscription.lights === undefined) setAll(list.lights.length);
+  if (isWhole) setAll(list.lights.length);
   const brightest = list.lights.reduce((a, b) => (luminance(b.irradiance) > luminance(a.irradiance) ? b : a), list.lights[0]);
   Object.assign(document.body.dataset, {
     sequence: list.sequence,
@@ -90,7 +95,10 @@ client.addEventListener("list", ({ detail }) => {
   });
 });
 
-client.addEventListener("answer", ({ detail }) => say("count-fault", detail.error ?? ""));
+client.addEventListener("answer", ({ detail: { subscribed, error } }) => {
+  if (subscribed !== undefined) isWhole = (subscribed.lights ?? null) === null;
+  say("count-fault", error ?? "");
+});
 
 function showState() {
   const { state, reason } = client.state;
@@ -160,6 +168,7 @@ async function askWhetherATokenIsNeeded() {
   askForToken(asked === null ? "" : "The server does not take this token.");
 }
 
+addEventListener("hashchange", () => useToken(storedToken()));
 at("token-form").addEventListener("submit", (event) => {
   event.preventDefault();
   useToken(at("token").value.trim());
@@ -181,6 +190,7 @@ async function fetchMap() {
   const answer = await get("/map.png");
   if (!answer?.ok) return;
   const thetaMax = Number(answer.headers.get("Lightcast-Theta-Max-Rad"));
+  if (!(thetaMax > 0)) return;
   map.setMap(await createImageBitmap(await answer.blob()), thetaMax);
   document.body.dataset.mapSequence = answer.headers.get("Lightcast-Sequence");
   say("map-note", `seen from below, rim at ${Math.round((thetaMax * 180) / Math.PI)}\u00b0`);
@@ -233,14 +243,16 @@ function showCount() {
 }
 
 let asking = null;
+let askedAt = -Infinity;
 at("count").addEventListener("input", () => {
   showCount();
-  // Not one question for every step that the slider is drawn over.
   clearTimeout(asking);
   asking = setTimeout(() => {
     const step = Number(at("count").value);
+    askedAt = performance.now();
+    isWhole = false;
     client.subscribe(step === counts.length - 1 ? {} : { lights: counts[step] });
-  }, 120);
+  }, askedAt + ASK_EVERY_MS - performance.now());
 });
 
 // --- Numbers
@@ -251,8 +263,8 @@ function showNumbers() {
   if (list === null) return;
   const step = interval();
   if (scene.works) {
-    const joined = scene.lightCount < list.lights.length ? `, joined from ${list.lights.length}` : "";
-    say("scene-note", `by ${scene.lightCount} lights${joined}`);
+    const joined = scene.lightCount < list.lights.length ? ` for speed, joined from ${list.lights.length}` : "";
+    say("scene-note", `by ${scene.lightCount} ${scene.lightCount === 1 ? "light" : "lights"}${joined}`);
   }
   say("sequence", String(list.sequence));
   say("arriving", String(list.lights.length));

@@ -1,6 +1,6 @@
 // Lines over the last minute.
 
-import { fit } from "./gl.js";
+import { fit } from "/gl.js";
 
 const SECONDS = 60;
 /** Samples that are kept at most; the time between them is at least the minute's part. */

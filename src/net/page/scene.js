@@ -1,8 +1,8 @@
 // A small scene, lit by the lights as they arrive.
 
-import { fit, luminance, program } from "./gl.js";
-import { capsule, ground, roundedBox } from "./meshes.js";
-import { GROUND, SELF, THINGS, VERTEX, fragment } from "./scene_shader.js";
+import { fit, luminance, program } from "/gl.js";
+import { capsule, ground, roundedBox } from "/meshes.js";
+import { GROUND, SELF, THINGS, VERTEX, fragment } from "/scene_shader.js";
 
 /** Most lights that the scene is lit by; the others join them. */
 const MOST_LIGHTS = 64;
@@ -16,7 +16,7 @@ const ADAPTATION_S = 1.2;
  * How fine pictures are: pixels of the screen's along an edge, and lights. One that takes longer than it should makes the
  * next ones coarser, many that take less make them finer.
  */
-const QUALITIES = [[1, 64], [0.8, 64], [0.65, 64], [0.5, 64], [0.5, 32], [0.5, 16], [0.4, 16], [0.35, 8]];
+const QUALITIES = [[1, 64], [0.8, 64], [0.65, 64], [0.5, 64], [0.5, 32], [0.5, 16], [0.4, 16], [0.4, 8]];
 const FIRST_QUALITY = 3;
 const SLOW_MS = 45;
 const FAST_MS = 25;
@@ -286,8 +286,8 @@ function view(azimuth, elevation, aspect) {
   const back = [Math.cos(elevation) * Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation) * Math.sin(azimuth)];
   const right = [Math.sin(azimuth), 0, -Math.cos(azimuth)];
   const up = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
-  // Half the picture's height at distance 1; a narrow picture sees as much across as a square one.
-  const half = 0.3 * Math.max(1, 1.25 / aspect);
+  // Half the picture's height at distance 1: both the height and the width of the things find room.
+  const half = Math.max(0.27, 0.375 / aspect);
   const distance = 5.4;
   const eye = target.map((part, i) => part + distance * back[i]);
   const [near, far] = [1, 20];

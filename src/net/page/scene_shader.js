@@ -88,29 +88,39 @@ float by_stick(vec3 l, float r) {
 }
 
 // By a box: the ray is inside between the last of three planes that it enters by and the first of three that it leaves by.
-// For one of each, the way between them is negative for a ray that misses their edge; divided by how fast it changes
-// sideways it is the distance from that edge. The least of the six counts.
+// For one of each, the way between them is negative for a ray that misses their edge; it gives how far the ray passes from
+// the edge's line, and where. The least of the six angles counts.
 float by_box(vec3 l, float r) {
   const float c = ${number(Math.cos(box.turn))};
   const float s = ${number(Math.sin(box.turn))};
   vec3 o = point - ${vec3(box.centre)};
   o = vec3(c * o.x - s * o.z, o.y, s * o.x + c * o.z);
   vec3 d = vec3(c * l.x - s * l.z, l.y, s * l.x + c * l.z);
+  if (self == ${SELF.ground}) {
+    // At the foot of the box the middle of a pixel may be under it, but what is seen is beside it.
+    vec2 under = ${vec3(box.half)}.xz - abs(o.xz);
+    if (under.x > 0.0 && under.y > 0.0) {
+      if (under.x < under.y) o.x += sign(o.x) * (under.x + 1e-3);
+      else o.z += sign(o.z) * (under.y + 1e-3);
+    }
+  }
   d = mix(d, vec3(1e-4), lessThan(abs(d), vec3(1e-4)));
-  vec3 slope = 1.0 / d;
-  vec3 middle = -o * slope;
-  vec3 span = abs(slope) * ${vec3(box.half)};
+  vec3 middle = -o / d;
+  vec3 span = ${vec3(box.half)} / abs(d);
   vec3 enter = middle - span;
   vec3 leave = middle + span;
-  float first = max(max(enter.x, enter.y), enter.z);
   float last = min(min(leave.x, leave.y), leave.z);
-  float along = 0.5 * (first + last);
-  if (along <= 0.0) return 0.0;
-  // Of the planes' directions the pairs y and z, z and x, x and y.
-  vec3 steep = slope * slope;
-  vec3 sideways = inversesqrt(steep.yzx + steep.zxy);
-  vec3 inside = min(leave.yzx - enter.zxy, leave.zxy - enter.yzx) * sideways;
-  return cut(min(min(inside.x, inside.y), inside.z) / along, r);
+  // Behind: the ray's other half is inside.
+  if (last <= 0.0 && max(max(enter.x, enter.y), enter.z) <= last) return 0.0;
+  // Of the planes' directions the pairs y and z, z and x, x and y, one entered by and the other left by, and conversely.
+  vec3 one = (d * d).yzx;
+  vec3 other = (d * d).zxy;
+  vec3 both = one + other;
+  vec3 sideways = sqrt(one * other / both);
+  vec3 a = (leave.zxy - enter.yzx) * sideways / max((enter.yzx * one + leave.zxy * other) / both, 1e-4);
+  vec3 b = (leave.yzx - enter.zxy) * sideways / max((enter.zxy * other + leave.yzx * one) / both, 1e-4);
+  vec3 least = min(a, b);
+  return cut(min(min(least.x, least.y), least.z), r);
 }
 
 float lit(vec3 l, float r) {
