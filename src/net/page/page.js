@@ -105,20 +105,24 @@ function showState() {
   const since = arrivals.length === 0 ? Infinity : performance.now() - arrivals.at(-1);
   let name = state;
   let text = `connecting to ${location.host}`;
+  // Apart from the text, which is read out when it changes.
+  let wait = "";
   if (!at("token-form").hidden) {
     [name, text] = ["token", "no connection without a token"];
   } else if (state === "closed") {
     const seconds = Math.max(0, Math.ceil((retryAt - performance.now()) / 1e3));
-    text = `disconnected: ${reason}; next attempt in ${seconds} s`;
+    text = `disconnected: ${reason}`;
+    wait = `next attempt in ${seconds} s`;
   } else if (state === "open" && !fresh) {
     [name, text] = ["waiting", "connected, waiting for the first list"];
   } else if (state === "open" && since > Math.max(SILENT_MS, 3 * interval())) {
-    [name, text] = ["silent", `connected, no list for ${Math.floor(since / 1e3)} s`];
+    [name, text, wait] = ["silent", "connected, but no list comes", `for ${Math.floor(since / 1e3)} s`];
   } else if (state === "open") {
     [name, text] = ["live", "live"];
   }
   document.body.dataset.state = name;
   say("state-text", text);
+  say("state-wait", wait);
   at("retry").hidden = name !== "closed";
 }
 
@@ -230,6 +234,7 @@ function setAll(all) {
     if (count > 1 && 1.5 * count < all) counts.push(1.5 * count);
   }
   counts.push(all);
+  at("count").disabled = false;
   at("count").max = String(counts.length - 1);
   at("count").value = at("count").max;
   showCount();

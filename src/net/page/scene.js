@@ -258,6 +258,8 @@ export class Scene {
     gl.viewport(0, 0, width, height);
     gl.clearColor(...BACKGROUND, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    // Before the first light there is nothing to see.
+    if (this.#exposure === null) return;
     gl.useProgram(this.#draw.program);
     gl.bindBuffer(gl.UNIFORM_BUFFER, this.#buffer);
     gl.bufferSubData(gl.UNIFORM_BUFFER, 0, this.#lights);
@@ -268,7 +270,7 @@ export class Scene {
     gl.uniform1i(uniform("count"), this.#count);
     gl.uniform3fv(uniform("from_ground"), this.#fromGround);
     gl.uniform3fv(uniform("background"), BACKGROUND);
-    gl.uniform1f(uniform("exposure"), Math.exp(this.#exposure ?? 0));
+    gl.uniform1f(uniform("exposure"), Math.exp(this.#exposure));
     for (const { self, material, array, count } of this.#parts) {
       gl.uniform1i(uniform("self"), self);
       gl.uniform3fv(uniform("albedo"), material.colour);

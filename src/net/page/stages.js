@@ -31,8 +31,10 @@ export function parseStages(text) {
 
 /** Writes the stages into the rows of a table. */
 export function showStages(body, stages) {
-  const number = (value, digits) =>
-    Number.isFinite(value) ? value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }) : "\u2013";
+  const number = (value, digits) => {
+    const options = value < 1e6 ? { minimumFractionDigits: digits, maximumFractionDigits: digits } : { notation: "compact", maximumSignificantDigits: 4 };
+    return Number.isFinite(value) ? value.toLocaleString("en", options) : "\u2013";
+  };
   const milliseconds = (seconds) => number(seconds * 1e3, seconds < 0.1 ? 2 : 0);
   body.replaceChildren(
     ...stages.map(({ name, frames, drops, bad, median_s, p99_s }) => {
