@@ -81,7 +81,9 @@ async fn the_numbers_of_the_server_are_shown(browser: &Browser) {
 async fn it_fits_and_is_drawn(browser: &Browser) {
     for ((width, height), name, is_phone) in [(WIDE, "wide", false), (NARROW, "narrow", true)] {
         browser.resize(width, height, is_phone).await;
-        browser.until(&format!("innerWidth === {width} && document.documentElement.scrollWidth === {width}")).await;
+        browser
+            .until(&format!("innerWidth === {width} && document.documentElement.scrollWidth === {width}"))
+            .await;
         let beyond = "[...document.querySelectorAll('body *')].filter((e) => { \
             const box = e.getBoundingClientRect(); return box.left < 0 || box.right > innerWidth; }).map((e) => e.id || e.tagName)";
         assert_eq!(browser.value(beyond).await, json!([]), "{name}");
@@ -106,8 +108,9 @@ async fn it_fits_and_is_drawn(browser: &Browser) {
 
 /// Number of colours in the part of a picture of the page that shows an element.
 async fn colours_in(browser: &Browser, picture: &image::RgbImage, element: &str, width: u32) -> usize {
-    let expression =
-        format!("(({{x, y, width, height}}) => [x, y, width, height])(document.getElementById('{element}').getBoundingClientRect())");
+    let expression = format!(
+        "(({{x, y, width, height}}) => [x, y, width, height])(document.getElementById('{element}').getBoundingClientRect())"
+    );
     let place: [f64; 4] = serde_json::from_value(browser.value(&expression).await).unwrap();
     let scale = f64::from(picture.width()) / f64::from(width);
     let [x, y, width, height] = place.map(|part| (part * scale) as u32);
@@ -119,7 +122,8 @@ async fn the_slider_changes_the_number_of_lights(browser: &Browser) {
     let error = "parseFloat(document.getElementById('error').textContent)";
     let slider = browser.client.find(fantoccini::Locator::Id("count")).await.unwrap();
     let mut errors = Vec::new();
-    for (keys, lights) in [("\u{e010}", 64), ("\u{e011}", 1), ("\u{e014}\u{e014}\u{e014}\u{e014}\u{e014}", 8)] {
+    for (keys, lights) in [("\u{e010}", 64), ("\u{e011}", 1), ("\u{e014}\u{e014}\u{e014}\u{e014}\u{e014}", 8)]
+    {
         slider.send_keys(keys).await.unwrap();
         browser.until(&format!("document.body.dataset.lights === '{lights}'")).await;
         browser.until(&format!("document.getElementById('arriving').textContent === '{lights}'")).await;

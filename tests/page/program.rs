@@ -24,7 +24,7 @@ impl Program {
         let replay = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/day");
         let replay = replay.display();
         let mut config = format!(
-            "[source]\nkind = \"sequence\"\npath = \"{replay}\"\nframe_rate_hz = 25.0\nrepeat = true\nlinks = \"live\"\n\
+            "[source]\nkind = \"sequence\"\npath = \"{replay}\"\nframe_rate_hz = 25.0\nrepeat = true\n\
              [camera]\nprojection = \"fisheye\"\ncalibration = \"{replay}/calibration.json\"\n"
         );
         if let Some(token) = token {
