@@ -9,6 +9,7 @@ use program::Program;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 const WIDE: (u32, u32) = (1280, 800);
 const NARROW: (u32, u32) = (360, 740);
@@ -93,7 +94,7 @@ async fn it_fits_and_is_drawn(browser: &Browser) {
             browser.resize(width, u32::try_from(whole).unwrap(), true).await;
         }
         for element in ["disc", "view"] {
-            let start = std::time::Instant::now();
+            let start = Instant::now();
             loop {
                 let picture = browser.picture(&pictures().join(format!("{name}.png"))).await;
                 if colours_in(browser, &picture, element, width).await > 200 {
@@ -119,7 +120,6 @@ async fn colours_in(browser: &Browser, picture: &image::RgbImage, element: &str,
 }
 
 async fn the_slider_changes_the_number_of_lights(browser: &Browser) {
-    let error = "parseFloat(document.getElementById('error').textContent)";
     let slider = browser.client.find(fantoccini::Locator::Id("count")).await.unwrap();
     let mut errors = Vec::new();
     for (keys, lights) in [("\u{e010}", 64), ("\u{e011}", 1), ("\u{e014}\u{e014}\u{e014}\u{e014}\u{e014}", 8)]
@@ -127,12 +127,23 @@ async fn the_slider_changes_the_number_of_lights(browser: &Browser) {
         slider.send_keys(keys).await.unwrap();
         browser.until(&format!("document.body.dataset.lights === '{lights}'")).await;
         browser.until(&format!("document.getElementById('arriving').textContent === '{lights}'")).await;
-        errors.push(browser.value(error).await.as_f64().unwrap());
+        errors.push(least_error(browser).await);
     }
     assert!(errors[0] < errors[2] && errors[2] < errors[1], "{errors:?}");
     assert_eq!(browser.value("document.getElementById('count-asked').textContent").await, "8 of 64");
     slider.send_keys("\u{e010}").await.unwrap();
     browser.until("document.body.dataset.lights === '64'").await;
+}
+
+/// The least of the errors that are shown for a while: where the sequence begins again, the light jumps, and the error too.
+async fn least_error(browser: &Browser) -> f64 {
+    let mut least = f64::INFINITY;
+    for _ in 0..30 {
+        let error = browser.value("parseFloat(document.getElementById('error').textContent)").await;
+        least = least.min(error.as_f64().unwrap());
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    least
 }
 
 /// The message that pins the protocol is what its JSON says; one that is cut short is refused; lists come as JSON too.
