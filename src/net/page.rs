@@ -14,19 +14,21 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// Path, kind and text of every file.
-const FILES: [(&str, &str, &str); 13] = [
+const FILES: [(&str, &str, &str); 15] = [
     ("/", HTML, include_str!("page/index.html")),
     ("/page.css", STYLE, include_str!("page/page.css")),
     ("/icon.svg", PICTURE, include_str!("page/icon.svg")),
     ("/lightcast.js", SCRIPT, include_str!("../../clients/lightcast.js")),
     ("/page.js", SCRIPT, include_str!("page/page.js")),
     ("/age.js", SCRIPT, include_str!("page/age.js")),
+    ("/first_lights.js", SCRIPT, include_str!("page/first_lights.js")),
     ("/gl.js", SCRIPT, include_str!("page/gl.js")),
     ("/map.js", SCRIPT, include_str!("page/map.js")),
     ("/meshes.js", SCRIPT, include_str!("page/meshes.js")),
     ("/plots.js", SCRIPT, include_str!("page/plots.js")),
     ("/scene.js", SCRIPT, include_str!("page/scene.js")),
     ("/scene_shader.js", SCRIPT, include_str!("page/scene_shader.js")),
+    ("/slider.js", SCRIPT, include_str!("page/slider.js")),
     ("/stages.js", SCRIPT, include_str!("page/stages.js")),
 ];
 

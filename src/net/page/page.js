@@ -6,13 +6,12 @@ import { luminance } from "/gl.js";
 import { MapDisc } from "/map.js";
 import { History, drawPlot } from "/plots.js";
 import { Scene } from "/scene.js";
+import { CountSlider } from "/slider.js";
 import { parseStages, showStages } from "/stages.js";
 
 const MAP_EVERY_MS = 500;
 const METRICS_EVERY_MS = 2000;
 const TEXT_EVERY_MS = 200;
-/** The server takes four questions a second, and more for a flood. */
-const ASK_EVERY_MS = 260;
 /** An answer that takes longer does not come. */
 const PATIENCE_MS = 10_000;
 /** After so long without a list the page says so. */
@@ -51,6 +50,10 @@ const scene = new Scene(at("scene-picture"), (azimuth) => {
   map.setHeading(azimuth);
   changed = true;
 });
+const slider = new CountSlider(at("count"), at("count-asked"), (subscription) => {
+  isWhole = false;
+  client.subscribe(subscription);
+});
 const powers = new History(1);
 const errors = new History(1);
 
@@ -86,7 +89,7 @@ client.addEventListener("list", ({ detail }) => {
   scene.setLights(list.lights);
   powers.push(now / 1e3, [luminance(list.power)]);
   errors.push(now / 1e3, [100 * list.error]);
-  if (isWhole) setAll(list.lights.length);
+  if (isWhole) slider.setAll(list.lights.length);
   const brightest = list.lights.reduce((a, b) => (luminance(b.irradiance) > luminance(a.irradiance) ? b : a), list.lights[0]);
   Object.assign(document.body.dataset, {
     sequence: list.sequence,
@@ -219,45 +222,6 @@ async function repeat(act, every_ms) {
 
 document.addEventListener("visibilitychange", () => {
   if (!document.hidden && client.state.retry_ms !== null) client.connect();
-});
-
-// --- Number of lights
-
-/** Numbers that the slider offers; the last is all there are. */
-let counts = [];
-
-function setAll(all) {
-  if (all === counts.at(-1)) return;
-  counts = [];
-  for (let count = 1; count < all; count *= 2) {
-    counts.push(count);
-    if (count > 1 && 1.5 * count < all) counts.push(1.5 * count);
-  }
-  counts.push(all);
-  at("count").disabled = false;
-  at("count").max = String(counts.length - 1);
-  at("count").value = at("count").max;
-  showCount();
-}
-
-function showCount() {
-  const all = Number(at("count").value) === counts.length - 1;
-  const text = all ? `all ${counts.at(-1) ?? ""}`.trim() : `${counts[at("count").value]} of ${counts.at(-1)}`;
-  say("count-asked", text);
-  at("count").setAttribute("aria-valuetext", text);
-}
-
-let asking = null;
-let askedAt = -Infinity;
-at("count").addEventListener("input", () => {
-  showCount();
-  clearTimeout(asking);
-  asking = setTimeout(() => {
-    const step = Number(at("count").value);
-    askedAt = performance.now();
-    isWhole = false;
-    client.subscribe(step === counts.length - 1 ? {} : { lights: counts[step] });
-  }, askedAt + ASK_EVERY_MS - performance.now());
 });
 
 // --- Numbers

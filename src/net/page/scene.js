@@ -1,5 +1,6 @@
 // A small scene, lit by the lights as they arrive.
 
+import { firstLights } from "/first_lights.js";
 import { fit, luminance, program } from "/gl.js";
 import { capsule, ground, roundedBox } from "/meshes.js";
 import { GROUND, SELF, THINGS, VERTEX, fragment } from "/scene_shader.js";
@@ -21,34 +22,6 @@ const FIRST_QUALITY = 3;
 const SLOW_MS = 45;
 const FAST_MS = 25;
 const FAST_IN_A_ROW = 40;
-
-/** The first `most` lights, which the others have joined: the nearest one each, so that the power is kept. */
-export function firstLights(lights, most) {
-  // Length: the flux that is left of it; a light that is spread is short.
-  const moments = lights.slice(0, most).map(({ direction, irradiance, spread_rad }) => {
-    const flux = luminance(irradiance);
-    return { direction, irradiance: [...irradiance], flux, sum: direction.map((part) => part * flux * Math.cos(spread_rad)), spread_rad };
-  });
-  for (const light of lights.slice(most)) {
-    let nearest = null;
-    let most = -Infinity;
-    for (const head of moments) {
-      const near = head.direction[0] * light.direction[0] + head.direction[1] * light.direction[1] + head.direction[2] * light.direction[2];
-      if (near > most) [nearest, most] = [head, near];
-    }
-    const flux = luminance(light.irradiance);
-    nearest.flux += flux;
-    for (let i = 0; i < 3; i++) {
-      nearest.irradiance[i] += light.irradiance[i];
-      nearest.sum[i] += light.direction[i] * flux * Math.cos(light.spread_rad);
-    }
-  }
-  return moments.map(({ direction, irradiance, flux, sum, spread_rad }) => {
-    const length = Math.hypot(...sum);
-    if (!(length > 0)) return { direction, irradiance, spread_rad };
-    return { direction: sum.map((part) => part / length), irradiance, spread_rad: Math.acos(Math.min(1, length / flux)) };
-  });
-}
 
 export class Scene {
   #canvas;
