@@ -18,10 +18,13 @@
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test test-camera test-camera-broken fuzz soak bench tables pictures speed path-tracer system-packages
+.PHONY: demo test test-camera test-camera-broken fuzz soak bench tables pictures speed path-tracer system-packages test-packages
 
 system-packages:
 	@.ci/system-packages
+
+test-packages:
+	@.ci/system-packages test
 
 demo: system-packages
 	cargo build $(CARGO_FLAGS) --release
@@ -31,7 +34,7 @@ demo: system-packages
 	@echo "The light lists are in demo/lights.jsonl, the pictures beside it:"
 	@ls demo
 
-test: system-packages
+test: test-packages
 	cargo fmt --check
 	cargo clippy $(CARGO_FLAGS) --all-targets -- -D warnings
 	cargo clippy $(CARGO_FLAGS) --all-targets --no-default-features -- -D warnings
@@ -40,11 +43,11 @@ test: system-packages
 	$(MAKE) --no-print-directory test-camera
 
 # One check alone: tests/camera_guest/boot NAME
-test-camera: system-packages
+test-camera: test-packages
 	tests/camera_guest/boot
 
 # One patch alone: tests/camera_guest/broken/run NAME
-test-camera-broken: system-packages
+test-camera-broken: test-packages
 	tests/camera_guest/broken/run
 
 fuzz: system-packages
@@ -54,7 +57,7 @@ soak: system-packages
 	rm -rf target/soak
 	cargo bench $(CARGO_FLAGS) --bench soak -- 600 target/soak
 
-soak-clients: system-packages
+soak-clients: test-packages
 	LIGHTCAST_SOAK_S=3600 cargo test $(CARGO_FLAGS) --test serve -- --nocapture clients_that_come_and_go
 
 load: system-packages

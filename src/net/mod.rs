@@ -9,7 +9,7 @@ mod board;
 mod client;
 mod metrics;
 mod options;
-
+mod page;
 mod requests;
 mod server;
 mod session;

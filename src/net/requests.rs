@@ -2,6 +2,7 @@
 
 use super::access::{self, Refusal};
 use super::metrics;
+use super::page;
 use super::server::{Peer, Shared};
 use super::session::Session;
 use crate::image::{PolarMap, encode_map_exr};
@@ -40,6 +41,7 @@ pub(super) fn router(shared: &Arc<Shared>) -> Router {
     Router::new()
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/readyz", get(ready))
+        .merge(page::router())
         .merge(protected)
         .fallback(|| async { refused(StatusCode::NOT_FOUND, "there is nothing of this name here") })
         .layer(middleware::from_fn_with_state(shared.clone(), needs_no_token))

@@ -1,0 +1,397 @@
+/**
+ * Light lists from a lightcast server, in browsers and in Node 22 and later. One file, an ES module, no dependencies.
+ *
+ *     const client = new LightcastClient("ws://127.0.0.1:8080/ws", { subscription: { lights: 64 } });
+ *     client.addEventListener("list", ({ detail }) => console.log(detail.sequence, detail.lights.length));
+ *     client.connect();
+ *
+ * The protocol is described in ARCHITECTURE.md. Directions are unit vectors from the scene towards the light, in a
+ * right-handed world with +Y up; irradiances are linear Rec. 709, on a surface that faces the light.
+ */
+
+/** WebSocket subprotocol of lists as bytes. */
+export const BINARY = "lightcast.v1.bin";
+/** WebSocket subprotocol of lists as JSON. */
+export const JSON_TEXT = "lightcast.v1.json";
+/** Goes before the token where it travels as a WebSocket subprotocol. */
+const TOKEN_PREFIX = "lightcast.token.";
+
+/** Most lights, and most prefix errors, that a list is believed to hold. */
+const MAX_LIGHTS = 16384;
+const HEADER_BYTES = 120;
+const PREFIX_ERROR_BYTES = 8;
+const LIGHT_BYTES = 14;
+/** Steps of an octave in a quantity's code. */
+const STEPS = 1024;
+/** How far a direction may be from length 1: four written digits. */
+const LENGTH_TOLERANCE = 1e-3;
+const MOST_IRRADIANCE = 1e30;
+const MOST_POWER = 1e36;
+/** Pi, as the server rounds it. */
+const MOST_SPREAD_RAD = Math.fround(Math.PI);
+
+/**
+ * @typedef {object} Light
+ * @property {number} id the same light from list to list
+ * @property {[number, number, number]} direction
+ * @property {[number, number, number]} irradiance RGB
+ * @property {number} spread_rad RMS angle of what the light stands for about its direction
+ *
+ * @typedef {object} Stream what goes with a list; nanoseconds, rounded to what a number holds (256 ns for UTC)
+ * @property {number} lost lists that this client was too slow for since its last one
+ * @property {number | null} capture_monotonic_ns by the server's CLOCK_MONOTONIC; null where it is unknown
+ * @property {number | null} capture_utc_ns
+ * @property {number} sent_monotonic_ns
+ * @property {number} sent_utc_ns
+ *
+ * @typedef {object} LightList
+ * @property {number} version 1
+ * @property {number} sequence
+ * @property {number} capture_time_ns
+ * @property {number} lost_before frames that were lost before this one
+ * @property {number} frame_rate_hz
+ * @property {number} filter_delay_frames
+ * @property {string} unit
+ * @property {[number, number, number]} power RGB sum of the lights
+ * @property {number} error relative RMS error of the irradiance
+ * @property {[number, number][]} prefix_errors pairs of a number of lights and its error
+ * @property {Light[]} lights
+ * @property {Stream} stream
+ *
+ * @typedef {object} Subscription keys that are missing have their defaults
+ * @property {number} [lights] so many at most; default: all
+ * @property {number} [error] the shortest list whose error is under this
+ * @property {number} [rate_hz] so many lists a second at most; default: all
+ * @property {number} [queue] lists that wait when this client is slow, 1 to 64; default: 1
+ *
+ * @typedef {object} State
+ * @property {"connecting" | "open" | "closed"} state
+ * @property {string} reason why it is closed, otherwise ""
+ * @property {number | null} retry_ms when closed: milliseconds until it connects again; null when it does not
+ */
+
+/** The number that a quantity's code stands for, in parts of the largest. */
+const PART_OF_TOP = new Float64Array(65536);
+for (let code = 1; code < 65536; code++) PART_OF_TOP[code] = 2 ** ((code - 65535) / STEPS);
+
+/**
+ * Takes a message of the subprotocol {@link BINARY} apart.
+ *
+ * @param {ArrayBuffer} buffer
+ * @returns {LightList}
+ * @throws {Error} that says which byte is wrong
+ */
+export function decodeBinary(buffer) {
+  const length = buffer.byteLength;
+  if (length < HEADER_BYTES) fail(`has ${length} bytes; the header alone has ${HEADER_BYTES}`);
+  const view = new DataView(buffer);
+  // "LCL" and the version, as the bytes stand.
+  const magic = view.getUint32(0, false);
+  if (magic >>> 8 !== 0x4c434c) fail("byte 0: does not begin with LCL");
+  if ((magic & 255) !== 1) fail(`byte 3: is of version ${magic & 255}; this client reads version 1`);
+  const header = view.getUint16(4, true);
+  if (header < HEADER_BYTES) fail(`byte 4: a header of ${header} bytes; it has at least ${HEADER_BYTES}`);
+  const prefixes = view.getUint16(116, true);
+  const count = view.getUint16(118, true);
+  if (prefixes > MAX_LIGHTS) fail(`byte 116: ${prefixes} prefix errors; at most ${MAX_LIGHTS} are read`);
+  if (count > MAX_LIGHTS) fail(`byte 118: ${count} lights; at most ${MAX_LIGHTS} are read`);
+  const wanted = header + PREFIX_ERROR_BYTES * prefixes + LIGHT_BYTES * count;
+  if (length !== wanted) {
+    fail(`has ${length} bytes; with ${prefixes} prefix errors and ${count} lights it would have ${wanted}`);
+  }
+
+  const captured = (view.getUint16(6, true) & 1) === 1;
+  const brightest = view.getFloat32(112, true);
+  if (!(brightest >= 0 && brightest <= MOST_IRRADIANCE)) fail("byte 112: the brightest is not from 0 to 1e30");
+  const int64 = (byte) => Number(view.getBigInt64(byte, true));
+  const uint64 = (byte) => Number(view.getBigUint64(byte, true));
+  const list = {
+    version: 1,
+    sequence: uint64(48),
+    capture_time_ns: int64(56),
+    lost_before: uint64(64),
+    frame_rate_hz: view.getFloat64(72, true),
+    filter_delay_frames: view.getUint32(104, true),
+    unit: "relative",
+    power: [view.getFloat64(80, true), view.getFloat64(88, true), view.getFloat64(96, true)],
+    error: view.getFloat32(108, true),
+    prefix_errors: new Array(prefixes),
+    lights: new Array(count),
+    stream: {
+      lost: uint64(8),
+      capture_monotonic_ns: captured ? int64(16) : null,
+      capture_utc_ns: captured ? int64(24) : null,
+      sent_monotonic_ns: int64(32),
+      sent_utc_ns: int64(40),
+    },
+  };
+  let byte = header;
+  for (let i = 0; i < prefixes; i++, byte += PREFIX_ERROR_BYTES) {
+    list.prefix_errors[i] = [view.getUint32(byte, true), view.getFloat32(byte + 4, true)];
+  }
+  for (let i = 0; i < count; i++, byte += LIGHT_BYTES) {
+    const code = (n) => view.getUint16(byte + 2 * n, true);
+    list.lights[i] = {
+      id: code(0),
+      direction: octahedral(code(1), code(2)),
+      irradiance: [brightest * PART_OF_TOP[code(3)], brightest * PART_OF_TOP[code(4)], brightest * PART_OF_TOP[code(5)]],
+      spread_rad: Math.PI * PART_OF_TOP[code(6)],
+    };
+  }
+  return checked(list);
+}
+
+/** The direction of an octahedral code about +Y (Meyer et al. 2010). */
+function octahedral(u, v) {
+  let a = u / 32767.5 - 1;
+  let b = v / 32767.5 - 1;
+  const y = 1 - Math.abs(a) - Math.abs(b);
+  if (y < 0) {
+    [a, b] = [(1 - Math.abs(b)) * (a < 0 ? -1 : 1), (1 - Math.abs(a)) * (b < 0 ? -1 : 1)];
+  }
+  const scale = 1 / Math.hypot(a, y, b);
+  return [a * scale, y * scale, b * scale];
+}
+
+/**
+ * Takes a message of the subprotocol {@link JSON_TEXT} apart.
+ *
+ * @param {string} text
+ * @returns {LightList}
+ * @throws {Error} that says what is wrong
+ */
+export function decodeJson(text) {
+  return read(parsed(text));
+}
+
+/** The list that a JSON object is. */
+function read(list) {
+  if (list.version !== 1) fail(`is of version ${list.version}; this client reads version 1`);
+  if (!Array.isArray(list.lights)) fail("lights: is no array");
+  if (list.lights.length > MAX_LIGHTS) fail(`${list.lights.length} lights; at most ${MAX_LIGHTS} are read`);
+  list.prefix_errors ??= [];
+  if (!Array.isArray(list.prefix_errors)) fail("prefix_errors: is no array");
+  const stream = list.stream;
+  if (stream === null || typeof stream !== "object") fail("stream: is no object");
+  if (!Number.isFinite(stream.sent_utc_ns)) fail("stream.sent_utc_ns: is no number");
+  if (!Number.isFinite(stream.sent_monotonic_ns)) fail("stream.sent_monotonic_ns: is no number");
+  for (const key of ["capture_monotonic_ns", "capture_utc_ns"]) {
+    if (stream[key] !== null && !Number.isFinite(stream[key])) fail(`stream.${key}: is neither a number nor null`);
+  }
+  if (!isCount(stream.lost)) fail("stream.lost: is no count");
+  return checked(list);
+}
+
+/** A JSON object. */
+function parsed(text) {
+  let object = null;
+  try {
+    object = JSON.parse(text);
+  } catch (error) {
+    fail(`is no JSON: ${error.message}`);
+  }
+  if (object === null || typeof object !== "object") fail("is no JSON object");
+  return object;
+}
+
+const isCount = (value) => Number.isInteger(value) && value >= 0;
+const isTriple = (value, most) =>
+  Array.isArray(value) && value.length === 3 && value.every((part) => part >= 0 && part <= most);
+
+/** The list, when its numbers can be those of a list. */
+function checked(list) {
+  for (const key of ["sequence", "lost_before", "filter_delay_frames"]) {
+    if (!isCount(list[key])) fail(`${key}: is no count`);
+  }
+  for (const key of ["capture_time_ns", "frame_rate_hz", "error"]) {
+    if (!Number.isFinite(list[key])) fail(`${key}: is no number`);
+  }
+  if (!isTriple(list.power, MOST_POWER)) fail("power: is not three numbers from 0 to 1e36");
+  for (const pair of list.prefix_errors) {
+    const sound = Array.isArray(pair) && pair.length === 2 && isCount(pair[0]) && Number.isFinite(pair[1]);
+    if (!sound) fail("prefix_errors: is not pairs of a count and an error");
+  }
+  const ids = new Set();
+  list.lights.forEach((light, number) => {
+    const where = `light ${number}:`;
+    if (light === null || typeof light !== "object") fail(`${where} is no object`);
+    const { id, direction, irradiance, spread_rad } = light;
+    if (!isCount(id)) fail(`${where} its id is no count`);
+    if (ids.has(id)) fail(`${where} a light before it has the id ${id}`);
+    ids.add(id);
+    const numbers = Array.isArray(direction) && direction.length === 3 && direction.every(Number.isFinite);
+    if (!numbers || Math.abs(Math.hypot(...direction) - 1) > LENGTH_TOLERANCE) {
+      fail(`${where} its direction is no unit vector`);
+    }
+    if (!isTriple(irradiance, MOST_IRRADIANCE)) fail(`${where} its irradiance is not from 0 to 1e30`);
+    if (!(spread_rad >= 0 && spread_rad <= MOST_SPREAD_RAD)) fail(`${where} its spread_rad is no angle from 0 to pi`);
+  });
+  return list;
+}
+
+function fail(what) {
+  throw new Error(`the message is no light list: ${what}`);
+}
+
+/**
+ * A connection that comes back.
+ *
+ * Events, each a `CustomEvent`: `list` with a {@link LightList}, `state` with a {@link State}, `answer` with what the
+ * server says to a subscription (`{subscribed: {...}}` or `{error: "..."}`), and `fault` with an `Error` for a message
+ * that cannot be read, after which the connection is closed and tried again.
+ */
+export class LightcastClient extends EventTarget {
+  #url;
+  #format;
+  #token;
+  #subscription;
+  #delays;
+  #socket = null;
+  #timer = null;
+  #attempts = 0;
+  #openedAt = 0;
+  /** @type {State} */
+  #state = { state: "closed", reason: "not connected yet", retry_ms: null };
+
+  /**
+   * @param {string | URL} url such as `ws://127.0.0.1:8080/ws`
+   * @param {object} [options]
+   * @param {"binary" | "json"} [options.format] default: binary
+   * @param {string | null} [options.token] where the server asks for one
+   * @param {Subscription} [options.subscription] default: everything
+   * @param {number} [options.retryMinMs] wait before the first new attempt; it doubles with each. Default: 250
+   * @param {number} [options.retryMaxMs] longest wait. Default: 8000
+   * @throws {Error} when the URL is none, or the token has other characters than a URL's path may have
+   */
+  constructor(url, { format = "binary", token = null, subscription = {}, retryMinMs = 250, retryMaxMs = 8000 } = {}) {
+    super();
+    if (format !== "binary" && format !== "json") throw new Error(`format: "binary" or "json", not "${format}"`);
+    this.#url = new URL(url);
+    this.#format = format;
+    this.token = token;
+    this.#subscription = { ...subscription };
+    this.#delays = { min: retryMinMs, max: retryMaxMs };
+  }
+
+  /** The state that the last `state` event told. */
+  get state() {
+    return this.#state;
+  }
+
+  /** What the server is asked for. */
+  get subscription() {
+    return { ...this.#subscription };
+  }
+
+  /** Used from the next attempt to connect on; null for none. */
+  set token(token) {
+    if (token !== null && !/^[A-Za-z0-9._~-]+$/.test(token)) {
+      throw new Error("the token: letters, digits and - . _ ~ can be sent, nothing else");
+    }
+    this.#token = token;
+  }
+
+  /** Connects now, and again whenever the connection is lost, until {@link close}. */
+  connect() {
+    this.#forget();
+    this.#attempts = 0;
+    this.#attempt();
+  }
+
+  /** Ends the connection and the attempts. */
+  close() {
+    this.#forget();
+    this.#tell("closed", "closed by this client", null);
+  }
+
+  /**
+   * Asks for something else; an `answer` says whether the server takes it. While there is no connection the next one
+   * begins with it.
+   *
+   * @param {Subscription} subscription replaces the whole of the one before
+   */
+  subscribe(subscription) {
+    this.#subscription = { ...subscription };
+    if (this.#state.state === "open") this.#ask();
+  }
+
+  #ask() {
+    this.#socket.send(JSON.stringify({ subscribe: this.#subscription }));
+  }
+
+  #attempt() {
+    const url = new URL(this.#url);
+    for (const [key, value] of Object.entries(this.#subscription)) url.searchParams.set(key, String(value));
+    const protocols = [this.#format === "binary" ? BINARY : JSON_TEXT];
+    if (this.#token !== null) protocols.push(TOKEN_PREFIX + this.#token);
+    const socket = new WebSocket(url.href, protocols);
+    socket.binaryType = "arraybuffer";
+    this.#socket = socket;
+    const mine = (act) => (event) => {
+      // What an abandoned socket still says is not for us.
+      if (this.#socket === socket) act(event);
+    };
+    const asked = this.#subscription;
+    let wasOpen = false;
+    socket.addEventListener("open", mine(() => {
+      wasOpen = true;
+      this.#openedAt = Date.now();
+      // Asked for since the attempt began.
+      if (this.#subscription !== asked) this.#ask();
+      this.#tell("open", "", null);
+    }));
+    socket.addEventListener("message", mine(({ data }) => this.#take(data)));
+    // An "error" comes before "close", and says no more.
+    socket.addEventListener("close", mine(({ code, reason }) => {
+      const cause = wasOpen ? "the connection was lost" : "no connection";
+      this.#lose(reason || (code === 1000 ? "closed by the server" : `${cause} (code ${code})`));
+    }));
+    this.#tell("connecting", "", null);
+  }
+
+  #take(data) {
+    try {
+      if (typeof data !== "string") {
+        this.#emit("list", decodeBinary(data));
+        return;
+      }
+      const message = parsed(data);
+      if ("lights" in message) this.#emit("list", read(message));
+      else this.#emit("answer", message);
+    } catch (error) {
+      const socket = this.#socket;
+      this.#lose(error.message);
+      socket?.close(4000, "unreadable message");
+      this.#emit("fault", error);
+    }
+  }
+
+  /** Closed by somebody else: again after a while, the longer the more often it happens. */
+  #lose(reason) {
+    // A connection that held shows that the server takes us.
+    if (this.#state.state === "open" && Date.now() - this.#openedAt > this.#delays.max) this.#attempts = 0;
+    this.#socket = null;
+    const longest = Math.min(this.#delays.max, this.#delays.min * 2 ** this.#attempts);
+    // Half of it by chance, so that the clients of a server that comes back do not come all at once.
+    const delay = longest * (0.5 + 0.5 * Math.random());
+    this.#attempts = Math.min(this.#attempts + 1, 32);
+    this.#timer = setTimeout(() => this.#attempt(), delay);
+    this.#tell("closed", reason, delay);
+  }
+
+  #forget() {
+    clearTimeout(this.#timer);
+    const socket = this.#socket;
+    this.#socket = null;
+    socket?.close();
+  }
+
+  #tell(state, reason, retry_ms) {
+    this.#state = { state, reason, retry_ms };
+    this.#emit("state", this.#state);
+  }
+
+  #emit(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

@@ -1,0 +1,233 @@
+//! The page and the JavaScript client in a browser, as their users see them. Pictures of the page go to `target/page`.
+#![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
+
+mod browser;
+mod program;
+
+use browser::Browser;
+use program::Program;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+const WIDE: (u32, u32) = (1280, 800);
+const NARROW: (u32, u32) = (360, 740);
+const LIVE: &str = "document.body.dataset.state === 'live'";
+
+fn pictures() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("page")
+}
+
+#[test]
+fn the_page_in_a_browser() {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    runtime.block_on(async {
+        let browser = match Browser::start().await {
+            Ok(browser) => browser,
+            Err(why) => {
+                // Not eprintln!, which the test harness swallows when a test passes.
+                let _ = writeln!(std::io::stderr(), "skipped: page: {why}");
+                return;
+            }
+        };
+        let program = Program::start("127.0.0.1:0", None);
+        let url = format!("http://{}/", program.address);
+        browser.resize(WIDE.0, WIDE.1, false).await;
+        browser.client.goto(&url).await.unwrap();
+        lights_arrive_and_move(&browser).await;
+        the_numbers_of_the_server_are_shown(&browser).await;
+        it_fits_and_is_drawn(&browser).await;
+        the_slider_changes_the_number_of_lights(&browser).await;
+        the_client_reads_messages(&browser).await;
+        assert_eq!(browser.errors().await, [""; 0]);
+        let address = program.address.clone();
+        drop(program);
+        a_lost_connection_comes_back(&browser, &address).await;
+        a_token_is_asked_for(&browser).await;
+        browser.client.close().await.unwrap();
+    });
+}
+
+async fn lights_arrive_and_move(browser: &Browser) {
+    browser.until(LIVE).await;
+    browser.until("document.body.dataset.lights === '64'").await;
+    let sequence = browser.value("Number(document.body.dataset.sequence)").await.as_f64().unwrap();
+    browser.until(&format!("Number(document.body.dataset.sequence) > {}", sequence + 20.0)).await;
+    let direction = browser.value("document.body.dataset.brightest").await;
+    browser.until(&format!("document.body.dataset.brightest !== {direction}")).await;
+    browser.until("document.getElementById('arriving').textContent === '64'").await;
+}
+
+async fn the_numbers_of_the_server_are_shown(browser: &Browser) {
+    let map = "Number(document.body.dataset.mapSequence)";
+    browser.until(&format!("{map} > 0")).await;
+    let first = browser.value(map).await.as_f64().unwrap();
+    browser.until(&format!("{map} > {first}")).await;
+    browser.until("document.getElementById('map-note').textContent.includes('rim at 90°')").await;
+    for stage in ["source", "calibrate", "light", "filter", "publish"] {
+        let row = format!(
+            "[...document.querySelectorAll('#stage-rows tr')].some((row) => row.children[0].textContent === '{stage}' \
+             && Number(row.children[1].textContent) > 0 && Number(row.children[3].textContent.replace(/,/g, '')) > 0)"
+        );
+        browser.until(&row).await;
+    }
+    // A replay at its own rate knows its capture times; on one machine a list is not seconds old.
+    browser.until("parseFloat(document.getElementById('age').textContent) < 5000").await;
+    browser.until("parseFloat(document.getElementById('rate').textContent) > 1").await;
+    browser.until("document.getElementById('delay').textContent === '160 ms'").await;
+}
+
+/// Nothing is wider than the screen, and both pictures show more than their backgrounds.
+async fn it_fits_and_is_drawn(browser: &Browser) {
+    for ((width, height), name, is_phone) in [(WIDE, "wide", false), (NARROW, "narrow", true)] {
+        browser.resize(width, height, is_phone).await;
+        browser
+            .until(&format!("innerWidth === {width} && document.documentElement.scrollWidth === {width}"))
+            .await;
+        let beyond = "[...document.querySelectorAll('body *')].filter((e) => { \
+            const box = e.getBoundingClientRect(); return box.left < 0 || box.right > innerWidth; }).map((e) => e.id || e.tagName)";
+        assert_eq!(browser.value(beyond).await, json!([]), "{name}");
+        if is_phone {
+            // All of it in one picture.
+            let whole = browser.value("document.documentElement.scrollHeight").await.as_u64().unwrap();
+            browser.resize(width, u32::try_from(whole).unwrap(), true).await;
+        }
+        for element in ["disc", "view"] {
+            let start = Instant::now();
+            loop {
+                let picture = browser.picture(&pictures().join(format!("{name}.png"))).await;
+                if colours_in(browser, &picture, element, width).await > 200 {
+                    break;
+                }
+                assert!(start.elapsed().as_secs() < 60, "{name}: nothing is drawn in {element}");
+            }
+        }
+    }
+    browser.resize(WIDE.0, WIDE.1, false).await;
+}
+
+/// Number of colours in the part of a picture of the page that shows an element.
+async fn colours_in(browser: &Browser, picture: &image::RgbImage, element: &str, width: u32) -> usize {
+    let expression = format!(
+        "(({{x, y, width, height}}) => [x, y, width, height])(document.getElementById('{element}').getBoundingClientRect())"
+    );
+    let place: [f64; 4] = serde_json::from_value(browser.value(&expression).await).unwrap();
+    let scale = f64::from(picture.width()) / f64::from(width);
+    let [x, y, width, height] = place.map(|part| (part * scale) as u32);
+    let part = image::imageops::crop_imm(picture, x, y, width, height).to_image();
+    part.pixels().collect::<std::collections::HashSet<_>>().len()
+}
+
+async fn the_slider_changes_the_number_of_lights(browser: &Browser) {
+    let slider = browser.client.find(fantoccini::Locator::Id("count")).await.unwrap();
+    let mut errors = Vec::new();
+    for (keys, lights) in [("\u{e010}", 64), ("\u{e011}", 1), ("\u{e014}\u{e014}\u{e014}\u{e014}\u{e014}", 8)]
+    {
+        slider.send_keys(keys).await.unwrap();
+        browser.until(&format!("document.body.dataset.lights === '{lights}'")).await;
+        browser.until(&format!("document.getElementById('arriving').textContent === '{lights}'")).await;
+        errors.push(least_error(browser).await);
+    }
+    assert!(errors[0] < errors[2] && errors[2] < errors[1], "{errors:?}");
+    assert_eq!(browser.value("document.getElementById('count-asked').textContent").await, "8 of 64");
+    slider.send_keys("\u{e010}").await.unwrap();
+    browser.until("document.body.dataset.lights === '64'").await;
+}
+
+/// The least of the errors that are shown for a while: where the sequence begins again, the light jumps, and the error too.
+async fn least_error(browser: &Browser) -> f64 {
+    let mut least = f64::INFINITY;
+    for _ in 0..30 {
+        let error = browser.value("parseFloat(document.getElementById('error').textContent)").await;
+        least = least.min(error.as_f64().unwrap());
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    least
+}
+
+/// The message that pins the protocol is what its JSON says; one that is cut short is refused; lists come as JSON too.
+async fn the_client_reads_messages(browser: &Browser) {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    let bytes = std::fs::read(golden.join("message.bin")).unwrap();
+    let text = std::fs::read_to_string(golden.join("message.json")).unwrap();
+    let script = "const [bytes, text, done] = arguments; (async () => { \
+        const { LightcastClient, decodeBinary, decodeJson } = await import('/lightcast.js'); \
+        const { buffer } = new Uint8Array(bytes); \
+        let faults = 0; \
+        for (let length = 0; length < bytes.length; length++) { \
+            try { decodeBinary(buffer.slice(0, length)); } catch { faults++; } } \
+        const url = new URL('/ws', location.href); url.protocol = 'ws:'; \
+        const client = new LightcastClient(url, { format: 'json', subscription: { lights: 3 } }); \
+        const list = await new Promise((come) => { \
+            client.addEventListener('list', ({ detail }) => come(detail)); client.connect(); }); \
+        const answer = await new Promise((come) => { \
+            client.addEventListener('answer', ({ detail }) => come(detail)); client.subscribe({ lights: 2 }); }); \
+        client.close(); \
+        return { binary: decodeBinary(buffer), json: decodeJson(text), faults, list, answer, state: client.state.state }; \
+        })().then(done, (error) => done(String(error)))";
+    let found = browser.client.execute_async(script, vec![json!(bytes), json!(text)]).await.unwrap();
+    assert!(found.is_object(), "{found}");
+    let expected: Value = serde_json::from_str(&text).unwrap();
+    same(&found["json"], &expected, "json");
+    same(&found["binary"], &expected, "binary");
+    assert_eq!(found["faults"], bytes.len());
+    assert_eq!(found["list"]["lights"].as_array().unwrap().len(), 3);
+    assert_eq!(found["answer"]["subscribed"]["lights"], 2);
+    assert_eq!(found["state"], "closed");
+}
+
+/// The same keys and values, numbers as near as JavaScript's and an f32's digits allow.
+fn same(found: &Value, expected: &Value, place: &str) {
+    match (found, expected) {
+        (Value::Object(a), Value::Object(b)) => {
+            assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>(), "{place}");
+            for (key, value) in b {
+                same(&a[key], value, &format!("{place}.{key}"));
+            }
+        }
+        (Value::Array(a), Value::Array(b)) => {
+            assert_eq!(a.len(), b.len(), "{place}");
+            for (index, (a, b)) in a.iter().zip(b).enumerate() {
+                same(a, b, &format!("{place}[{index}]"));
+            }
+        }
+        (Value::Number(a), Value::Number(b)) => {
+            let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
+            assert!((a - b).abs() <= 2e-7 * b.abs(), "{place}: {a} is not {b}");
+        }
+        _ => assert_eq!(found, expected, "{place}"),
+    }
+}
+
+async fn a_lost_connection_comes_back(browser: &Browser, address: &str) {
+    browser.until("document.body.dataset.state === 'closed'").await;
+    browser.until("document.getElementById('state-text').textContent.startsWith('disconnected')").await;
+    let before = browser.value("document.body.dataset.sequence").await;
+    let _program = Program::start(address, None);
+    browser.until(LIVE).await;
+    browser.until(&format!("document.body.dataset.sequence !== {before}")).await;
+    browser.until("document.body.dataset.lights === '64'").await;
+}
+
+async fn a_token_is_asked_for(browser: &Browser) {
+    let token = "a-token_that.is~long";
+    let program = Program::start("127.0.0.1:0", Some(token));
+    browser.client.goto(&format!("http://{}/", program.address)).await.unwrap();
+    browser.until("document.body.dataset.state === 'token'").await;
+    let field = browser.client.find(fantoccini::Locator::Id("token")).await.unwrap();
+    field.send_keys("another-token-than-that\n").await.unwrap();
+    browser.until("document.getElementById('token-fault').textContent.includes('not take this token')").await;
+    field.clear().await.unwrap();
+    field.send_keys(&format!("{token}\n")).await.unwrap();
+    browser.until(LIVE).await;
+    browser.until("Number(document.body.dataset.mapSequence) > 0").await;
+    // It is kept for the tab, and can be given in the address, where it does not stay.
+    browser.client.refresh().await.unwrap();
+    browser.until(LIVE).await;
+    browser.value("sessionStorage.clear()").await;
+    browser.client.goto("about:blank").await.unwrap();
+    browser.client.goto(&format!("http://{}/#token={token}", program.address)).await.unwrap();
+    browser.until(LIVE).await;
+    assert_eq!(browser.value("location.hash").await, "");
+}
