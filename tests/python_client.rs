@@ -1,14 +1,21 @@
 //! The Python client, `clients/lightcast.py`: its own tests, in a virtual environment.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
 
 /// Runs on every Python that the client is for, 3.9 and later.
 const WEBSOCKETS: &str = "websockets==15.0.1";
 
-/// Python with the client's one dependency; the error says why it cannot be had here.
+/// Python with the client's one dependency, made once for all tests; the error says why it cannot be had here.
 fn python() -> Result<PathBuf, String> {
+    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    PYTHON.get_or_init(make_python).clone()
+}
+
+fn make_python() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python_client");
     let python = folder.join("bin/python");
     if !has_websockets(&python) {
@@ -64,4 +71,70 @@ fn the_python_client_passes_its_tests() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
     assert!(said.contains("\nOK"), "{said}");
+}
+
+/// Ends a program when a test does.
+struct Guard(Child);
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn the_python_client_takes_lists_from_the_program() {
+    let python = match python() {
+        Ok(python) => python,
+        Err(why) => {
+            eprintln!("skipped: {why}");
+            return;
+        }
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut server = Command::new(env!("CARGO_BIN_EXE_lightcast"));
+    server.args(["run", "--listen", "127.0.0.1:0", "--config"]).arg(root.join("config/stream.toml"));
+    let server = server.env_remove("RUST_LOG").stdin(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let mut server = Guard(server.unwrap());
+    let mut messages = BufReader::new(server.0.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains("listening on http://") {
+        line.clear();
+        assert!(messages.read_line(&mut line).unwrap() > 0, "the server has ended");
+    }
+    let address = line.split_once("http://").unwrap().1.trim_end().trim_end_matches('/').to_owned();
+    for kind in [&[][..], &["--json"]] {
+        let output = Command::new(&python)
+            .arg(root.join("tests/clients/test_lightcast.py"))
+            .args([
+                "--url",
+                &format!("ws://{address}/ws"),
+                "--count",
+                "20",
+                "--lights",
+                "16",
+                "--queue",
+                "64",
+            ])
+            .args(kind)
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .env("NO_PROXY", "*")
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).unwrap();
+        let lists: Vec<serde_json::Value> =
+            text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        assert_eq!(lists.len(), 20, "{text}");
+        for pair in lists.windows(2) {
+            let sequence = |list: &serde_json::Value| list["sequence"].as_u64().unwrap();
+            assert_eq!(sequence(&pair[1]), sequence(&pair[0]) + 1, "{text}");
+            assert_eq!((&pair[1]["lights"], &pair[1]["lost"]), (&16.into(), &0.into()));
+            let age_s = pair[1]["age_s"].as_f64().unwrap();
+            assert!((0.0..10.0).contains(&age_s), "{age_s}");
+            assert!(pair[1]["power"][1].as_f64().unwrap() > 0.0);
+        }
+    }
 }

@@ -7,44 +7,70 @@ use lightcast::net::{Board, Client, ClientOptions, Server, ServerOptions};
 use lightcast::rt::{Metrics, Shutdown};
 use lightcast::service::{Copies, Output, Service};
 use lightcast::wire::{Message, Subscription, binary};
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::io::{self, BufRead, BufReader, Write};
 use std::net::SocketAddr;
 use std::path::Path;
-use std::process::{Child, ChildStderr, Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// A program that was started with `--listen`, and what it says.
 pub struct Running {
     pub child: Child,
     pub address: SocketAddr,
-    messages: BufReader<ChildStderr>,
-    /// What it has said so far.
-    pub said: String,
+    /// What it has said so far; a thread reads on, so that the program can write on.
+    said: Arc<Mutex<String>>,
+    reader: Option<JoinHandle<()>>,
+    /// Bytes of it that were looked at.
+    seen: usize,
 }
 
 impl Running {
     pub fn start(command: &mut Command) -> Self {
         let mut child = command.stdout(Stdio::null()).spawn().unwrap();
-        let messages = BufReader::new(child.stderr.take().unwrap());
+        let (said, messages) = (Arc::new(Mutex::new(String::new())), child.stderr.take().unwrap());
+        let heard = said.clone();
+        let listen = move || {
+            for line in BufReader::new(messages).lines() {
+                let mut heard = heard.lock().unwrap();
+                heard.push_str(&line.unwrap());
+                heard.push('\n');
+            }
+        };
+        let reader = std::thread::Builder::new().name("messages".into()).spawn(listen).unwrap();
         let address = "127.0.0.1:0".parse().unwrap();
-        let mut running = Self { child, address, messages, said: String::new() };
+        let mut running = Self { child, address, said, reader: Some(reader), seen: 0 };
         let line = running.wait_for("listening on http://");
         let (_, rest) = line.split_once("http://").unwrap();
         running.address = rest.split('/').next().unwrap().parse().unwrap();
         running
     }
 
-    /// Reads on to a line that contains `text`.
+    /// What it has said so far.
+    pub fn said(&self) -> String {
+        self.said.lock().unwrap().clone()
+    }
+
+    /// Waits for the next line that contains `text`.
+    #[track_caller]
     pub fn wait_for(&mut self, text: &str) -> String {
-        loop {
-            let mut line = String::new();
-            assert!(self.messages.read_line(&mut line).unwrap() > 0, "it ended; it said\n{}", self.said);
-            self.said += &line;
-            if line.contains(text) {
-                return line;
+        let mut found = None;
+        wait_until(|| {
+            let said = self.said.lock().unwrap();
+            while let Some(end) = said[self.seen..].find('\n') {
+                let line = &said[self.seen..self.seen + end];
+                self.seen += end + 1;
+                if line.contains(text) {
+                    found = Some(line.to_owned());
+                    return true;
+                }
             }
-        }
+            let has_ended = self.reader.as_ref().is_none_or(JoinHandle::is_finished);
+            assert!(!has_ended || self.seen < said.len(), "it ended without '{text}'; it said\n{said}");
+            false
+        });
+        found.unwrap()
     }
 
     pub fn signal(&self, signal: &str) {
@@ -55,9 +81,10 @@ impl Running {
     /// Ends it; what it has said.
     pub fn end(mut self) -> String {
         self.signal("TERM");
-        self.messages.read_to_string(&mut self.said).unwrap();
-        assert_eq!(self.child.wait().unwrap().code(), Some(0), "{}", self.said);
-        std::mem::take(&mut self.said)
+        let code = self.child.wait().unwrap().code();
+        self.reader.take().unwrap().join().unwrap();
+        assert_eq!(code, Some(0), "{}", self.said());
+        self.said()
     }
 }
 
@@ -178,7 +205,7 @@ fn watch_records_what_run_writes_and_tells_what_it_saw() {
     let said = String::from_utf8_lossy(&watch.stderr).into_owned();
     assert_eq!(watch.status.code(), Some(0), "{said}");
     running.wait_for("serve");
-    assert_eq!(running.child.wait().unwrap().code(), Some(0), "{}", running.said);
+    assert_eq!(running.child.wait().unwrap().code(), Some(0), "{}", running.said());
     let (run, got) = (std::fs::read(&written).unwrap(), std::fs::read(&recorded).unwrap());
     assert_eq!((lists(&run).len(), lists(&got).len()), (40, 20));
     assert_eq!(watch.stdout, got, "--json prints what --record writes");
