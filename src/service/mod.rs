@@ -3,7 +3,7 @@
 //! ```text
 //! source ──Frame──▶ calibrate ──PolarMap──▶ light ──LightList──▶ filter ──LightList──▶ publish
 //!    └──Frame──▶ record                       ├──PolarMap──▶ picture ◀──LightList────────┤
-//!                                             └──PolarMap──▶ post ◀──LightList───────────┘
+//!                                             └──PolarMap──▶ (board) ◀──LightList────────┘
 //! ```
 
 mod camera;
@@ -97,8 +97,7 @@ impl Service {
         // The filter designs its taps when it sees the first list; what no taps can do is told before.
         let taps =
             design(format.frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))?;
-        let Copies { pictures, recording, lists, maps: map_copies, board } = copies;
-        let mut list_copies: Vec<_> = lists.into_iter().collect();
+        let Copies { pictures, recording, lists: list_copies, maps: map_copies, board } = copies;
         let recording = match &recording {
             Some(options) => Some(recorder::recorder(config, options, &input, shutdown)?),
             None => None,
@@ -111,15 +110,6 @@ impl Service {
         let black = || PolarMap::black(config.map);
 
         let mut map_taps: Vec<_> = map_copies.into_iter().map(|maps| stage::MapTap::new(maps, 1)).collect();
-        if let Some(board) = &board {
-            // Whoever is slow there must not hold up anything here.
-            let (maps_in, maps_out) = link::latest(shutdown, black);
-            let (lists_in, lists_out) = link::latest(shutdown, LightList::default);
-            map_taps.push(stage::MapTap::new(maps_in, 1));
-            list_copies.push(lists_in);
-            let post = stage::Post::new(board.clone(), input.epoch(), maps_out);
-            graph.spawn(Metrics::new("post"), post, lists_out, Nowhere)?;
-        }
         let list_tap = match &pictures {
             None => None,
             Some(pictures) => {
@@ -145,10 +135,18 @@ impl Service {
         let (lists_in, lists_out) = connect(config.links, shutdown, LightList::default);
         let (filtered_in, filtered_out) = connect(config.links, shutdown, LightList::default);
 
-        let publish = stage::Publish::new(output.writer, output.name, list_tap, list_copies);
+        let mut publish = stage::Publish::new(output.writer, output.name, list_tap, list_copies);
+        if let Some(board) = &board {
+            publish = publish.with_board(board.clone(), input.epoch());
+        }
         graph.spawn(publish_metrics, publish, filtered_out, Nowhere)?;
         graph.spawn(filter_metrics, stage::Filter(filter), lists_out, filtered_in)?;
-        graph.spawn(light_metrics, stage::Light::new(extractor, map_taps), maps_out, lists_in)?;
+        graph.spawn(
+            light_metrics,
+            stage::Light::new(extractor, map_taps, board.clone()),
+            maps_out,
+            lists_in,
+        )?;
         let calibrate = stage::Calibrate::new(frame_to_polar, response, &calibrate_metrics);
         graph.spawn(calibrate_metrics, calibrate, frames_out, maps_in)?;
         let recorder = match recording {

@@ -2,19 +2,22 @@ use super::picture::Due;
 use crate::error::Result;
 use crate::image::PolarMap;
 use crate::light::{Extractor, LightList};
+use crate::net::Board;
 use crate::rt::link::{Closed, Sender};
 use crate::rt::stage::{Flow, Stage};
+use std::sync::Arc;
 
-/// Turns a map into lights. Copies of some maps may go to others.
+/// Turns a map into lights. Copies of some maps may go to others, and the newest onto a board.
 pub struct Light {
     extractor: Extractor,
     taps: Vec<MapTap>,
+    board: Option<Arc<Board>>,
 }
 
 impl Light {
-    /// Lights by `extractor`; maps to all `taps`.
-    pub fn new(extractor: Extractor, taps: Vec<MapTap>) -> Self {
-        Self { extractor, taps }
+    /// Lights by `extractor`; maps to all `taps` and to `board`.
+    pub fn new(extractor: Extractor, taps: Vec<MapTap>, board: Option<Arc<Board>>) -> Self {
+        Self { extractor, taps, board }
     }
 }
 
@@ -26,6 +29,9 @@ impl Stage for Light {
         self.extractor.step(map, list);
         // A reader that has ended gets no more; if it failed, the supervisor knows.
         self.taps.retain_mut(|tap| tap.offer(map).is_ok());
+        if let Some(board) = &self.board {
+            board.post_map(map);
+        }
         Ok(Flow::Send)
     }
 }

@@ -5,7 +5,6 @@ mod capture;
 mod filter;
 mod light;
 mod picture;
-mod post;
 mod publish;
 mod record;
 #[cfg(feature = "render")]
@@ -17,7 +16,6 @@ pub use capture::{ATTEMPTS, Capture, Patience};
 pub use filter::Filter;
 pub use light::{Light, MapTap};
 pub use picture::Picture;
-pub use post::Post;
 pub use publish::{ListTap, Publish};
 pub use record::{Record, Recorder, Recording, SIDECAR, Tee};
 #[cfg(feature = "render")]

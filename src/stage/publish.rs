@@ -1,9 +1,12 @@
 use super::picture::{Due, described_map};
 use crate::error::{Error, Result};
 use crate::light::LightList;
+use crate::net::Board;
+use crate::rt::CaptureEpoch;
 use crate::rt::link::{Closed, Sender};
 use crate::rt::stage::{Flow, Stage};
 use std::io::{ErrorKind, Write};
+use std::sync::Arc;
 
 /// Writes every list as one line of JSON and flushes, so that a reader has each list whole and at once. A reader
 /// that has gone (broken pipe) ends the run without an error.
@@ -14,18 +17,28 @@ pub struct Publish<W> {
     /// The line under way: one `write` per list, and a list is never written in part because of its contents.
     line: Vec<u8>,
     tap: Option<ListTap>,
-    copies: Vec<Sender<LightList>>,
+    copies: Option<Sender<LightList>>,
+    board: Option<(Arc<Board>, CaptureEpoch)>,
 }
 
 impl<W: Write + Send> Publish<W> {
-    /// Lines to `writer`, called `name` in messages; copies of some lists to `tap`, copies of all to each of `copies`.
+    /// Lines to `writer`, called `name` in messages; copies of some lists to `tap`, copies of all to `copies`.
     pub fn new(
         writer: W,
         name: impl Into<String>,
         tap: Option<ListTap>,
-        copies: Vec<Sender<LightList>>,
+        copies: Option<Sender<LightList>>,
     ) -> Self {
-        Self { writer, name: name.into(), line: Vec::new(), tap, copies }
+        Self { writer, name: name.into(), line: Vec::new(), tap, copies, board: None }
+    }
+}
+
+impl<W> Publish<W> {
+    /// Puts all lists on `board` too, from which a server takes them: that waits for nobody. `epoch` says how their capture
+    /// times stand to the kernel's clock.
+    #[must_use]
+    pub fn with_board(self, board: Arc<Board>, epoch: CaptureEpoch) -> Self {
+        Self { board: Some((board, epoch)), ..self }
     }
 }
 
@@ -48,7 +61,10 @@ impl<W: Write + Send> Stage for Publish<W> {
         {
             self.tap = None;
         }
-        for copies in &mut self.copies {
+        if let Some((board, epoch)) = &self.board {
+            board.post(list, epoch);
+        }
+        if let Some(copies) = &mut self.copies {
             let sent = copies.take().and_then(|mut copy| {
                 copy.copy_from(list);
                 copies.send(copy)
@@ -116,7 +132,7 @@ mod tests {
     #[test]
     fn one_line_a_list() {
         let mut lines = Vec::new();
-        let mut publish = Publish::new(&mut lines, "memory", None, Vec::new());
+        let mut publish = Publish::new(&mut lines, "memory", None, None);
         for sequence in 0..3 {
             assert_eq!(publish.step(&list(sequence), &mut ()).unwrap(), Flow::Send);
         }
@@ -127,11 +143,10 @@ mod tests {
 
     #[test]
     fn a_broken_pipe_ends_and_a_full_disk_fails_with_the_place() {
-        let flow =
-            Publish::new(Fails(ErrorKind::BrokenPipe), "pipe", None, Vec::new()).step(&list(1), &mut ());
+        let flow = Publish::new(Fails(ErrorKind::BrokenPipe), "pipe", None, None).step(&list(1), &mut ());
         assert_eq!(flow.unwrap(), Flow::End);
-        let error = Publish::new(Fails(ErrorKind::StorageFull), "out.jsonl", None, Vec::new())
-            .step(&list(17), &mut ());
+        let error =
+            Publish::new(Fails(ErrorKind::StorageFull), "out.jsonl", None, None).step(&list(17), &mut ());
         assert!(error.unwrap_err().to_string().starts_with("out.jsonl: list 17: cannot be written: "));
     }
 }

@@ -1,5 +1,5 @@
 //! Clients of all kinds come and go while a replay loops: memory, file handles and threads of the service stay what they
-//! are. Some seconds, or as many as `LIGHTCAST_SOAK_S` says; `make soak-clients` says an hour.
+//! are. Thirty rounds, or as many seconds as `LIGHTCAST_SOAK_S` says; `make soak-clients` says an hour.
 
 use crate::connection::{connect, get, wait_until};
 use crate::program::Running;
@@ -10,6 +10,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::{Message, WebSocket};
+
+/// Rounds until every kind of client was there, and as many idle ones as there will be.
+const WARM_ROUNDS: u64 = 10;
+const LEAST_ROUNDS: u64 = 30;
 
 /// What a process holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,31 +72,30 @@ fn visit(running: &Running, round: u64, idle: &mut Vec<WebSocket<TcpStream>>) {
     half.write_all(b"GET /map.png HT").unwrap();
     drop(half);
     idle.push(stream(running, "", binary));
-    if idle.len() > 20 {
+    if idle.len() > 4 {
         idle.remove(0);
     }
 }
 
 #[test]
 fn clients_that_come_and_go_leave_nothing_behind() {
-    let seconds = std::env::var("LIGHTCAST_SOAK_S").ok().map_or(8, |text| text.parse().unwrap());
+    let seconds = std::env::var("LIGHTCAST_SOAK_S").ok().map_or(0, |text| text.parse().unwrap());
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut command = crate::recording::lightcast();
     command.args(["run", "--listen", "127.0.0.1:0", "--config"]).arg(root.join("config/stream.toml"));
     let running = Running::start(&mut command);
     wait_until(|| get(running.address, "/readyz", &[]).0 == 200);
     let started = Instant::now();
-    let warm = Duration::from_secs((seconds / 4).min(60));
     let (mut idle, mut round, mut first, mut told) = (Vec::new(), 0, None, 0);
-    while started.elapsed() < Duration::from_secs(seconds) {
+    while started.elapsed() < Duration::from_secs(seconds) || round < LEAST_ROUNDS {
         visit(&running, round, &mut idle);
         round += 1;
-        let elapsed = started.elapsed();
-        if elapsed >= warm {
+        if round >= WARM_ROUNDS {
             let now = holdings(&running);
             first.get_or_insert(now);
-            if elapsed.as_secs() / 60 > told {
-                told = elapsed.as_secs() / 60;
+            let minutes = started.elapsed().as_secs() / 60;
+            if minutes > told {
+                told = minutes;
                 println!("{told:>4} min  {round:>7} rounds  {now:?}");
             }
         }
@@ -106,7 +109,7 @@ fn clients_that_come_and_go_leave_nothing_behind() {
         last = holdings(&running);
         last.files <= first.files
     });
-    println!("{round} rounds in {seconds} s: {first:?} after {warm:?}, {last:?} in the end");
+    println!("{round} rounds: {first:?} after {WARM_ROUNDS}, {last:?} in the end");
     assert!(last.threads <= first.threads + 2, "two threads at most encode maps");
     let most_kb = first.resident_kb + 4096;
     assert!(last.resident_kb <= most_kb, "{} kB, were {} kB", last.resident_kb, first.resident_kb);
