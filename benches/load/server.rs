@@ -5,13 +5,15 @@ use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
-use std::process::{Child, ChildStderr, Command, Stdio};
+use std::process::{Child, Command, Stdio};
+use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 pub struct Server {
     child: Child,
     address: SocketAddr,
-    messages: BufReader<ChildStderr>,
+    /// Reads what the program says, which would wait otherwise, and gives it in the end.
+    listener: Option<JoinHandle<String>>,
     _folder: tempfile::TempDir,
 }
 
@@ -68,7 +70,13 @@ impl Server {
         }
         let (_, rest) = line.split_once("http://").unwrap();
         let address = rest.split('/').next().unwrap().parse().unwrap();
-        Self { child, address, messages, _folder: folder }
+        let listen = move || {
+            let mut said = String::new();
+            messages.read_to_string(&mut said).unwrap();
+            said
+        };
+        let listener = Builder::new().name("messages".into()).spawn(listen).unwrap();
+        Self { child, address, listener: Some(listener), _folder: folder }
     }
 
     pub fn address(&self) -> SocketAddr {
@@ -140,10 +148,10 @@ impl Server {
 
     pub fn stop(mut self) {
         Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status().unwrap();
-        let mut rest = String::new();
-        self.messages.read_to_string(&mut rest).unwrap();
-        assert!(self.child.wait().unwrap().success(), "{rest}");
-        println!("{rest}");
+        let said = self.listener.take().unwrap().join().unwrap();
+        assert!(self.child.wait().unwrap().success(), "{said}");
+        let summary = said.lines().skip_while(|line| !line.starts_with("stage"));
+        summary.for_each(|line| println!("{line}"));
     }
 }
 

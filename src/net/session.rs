@@ -140,7 +140,7 @@ impl Session {
 
     /// Sends what is due next; whether there was anything.
     async fn send_next(&mut self) -> Result<bool, End> {
-        let Some((post, lost)) = self.shared.board.look(|posts| self.turn.next(posts.iter())) else {
+        let Some((post, lost)) = self.shared.board.look(|posts| self.turn.next(posts)) else {
             return Ok(false);
         };
         let body = match self.shared.board.body(&post, self.turn.subscription(), self.is_binary) {

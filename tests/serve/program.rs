@@ -278,3 +278,33 @@ fn a_run_that_cannot_listen_says_so_and_does_not_start() {
     assert!(String::from_utf8_lossy(&ended.stderr).contains("is another program there?"));
     assert!(!output.exists() && started.elapsed() < LONG);
 }
+
+/// A second machine lights its own scene with the stream: the same picture as from the list in a file.
+#[cfg(feature = "render")]
+#[test]
+fn watch_renders_what_a_file_of_the_same_list_gives() {
+    let posting = crate::connection::Posting::new(ServerOptions::default());
+    posting.post(3..4);
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mut line = Vec::new();
+    crate::connection::list(3, 100).write_json_line(&mut line).unwrap();
+    std::fs::write(at("list.jsonl"), line).unwrap();
+    let options = ["--size", "48x36", "--samples", "1", "--output"];
+    let mut render = lightcast();
+    let rendered =
+        render.arg("render").arg(at("list.jsonl")).args(options).arg(at("file.exr")).output().unwrap();
+    let said = String::from_utf8_lossy(&rendered.stderr).into_owned();
+    if said.contains("there is no graphics adapter") {
+        // Not eprintln!, which the test harness swallows when a test passes.
+        let _ = writeln!(io::stderr(), "skipped: watch --render: there is no graphics adapter");
+        return;
+    }
+    assert!(rendered.status.success(), "{said}");
+    let mut watch = lightcast();
+    watch.args(["watch", &posting.address().to_string(), "--format", "json", "--render"]);
+    let watched = watch.args(options).arg(at("stream.exr")).output().unwrap();
+    assert!(watched.status.success(), "{}", String::from_utf8_lossy(&watched.stderr));
+    let bytes = |name: &str| std::fs::read(at(name)).unwrap();
+    assert!(bytes("stream.exr").len() > 1000 && bytes("stream.exr") == bytes("file.exr"));
+}
