@@ -6,6 +6,7 @@ use fantoccini::{Client, ClientBuilder};
 use hyper_util::client::legacy::connect::HttpConnector;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -21,6 +22,18 @@ impl Drop for Guard {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
+    }
+}
+
+/// A driver with its browsers, all of one group of processes: a browser outlives a driver that is killed.
+struct Driver {
+    group: u32,
+    _child: Guard,
+}
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        let _ = Command::new("kill").args(["-KILL", "--", &format!("-{}", self.group)]).status();
     }
 }
 
@@ -44,24 +57,26 @@ impl WebDriverCompatibleCommand for Extension {
 /// A session with one tab.
 pub struct Browser {
     pub client: Client,
-    _driver: Guard,
+    _driver: Driver,
     _profile: TempDir,
 }
 
 /// The driver and its port; why there is none.
-fn driver() -> Result<(Guard, u16), &'static str> {
+fn driver() -> Result<(Driver, u16), &'static str> {
     let version = Command::new("chromium").arg("--version").stderr(Stdio::null()).output();
     if !version.is_ok_and(|output| output.status.success()) {
         return Err("there is no chromium");
     }
     let child = Command::new("chromedriver")
         .arg("--port=0")
+        .process_group(0)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn();
-    let mut driver = Guard(child.map_err(|_| "there is no chromedriver")?);
-    let mut lines = BufReader::new(driver.0.stdout.take().unwrap()).lines();
+    let mut child = Guard(child.map_err(|_| "there is no chromedriver")?);
+    let mut lines = BufReader::new(child.0.stdout.take().unwrap()).lines();
+    let driver = Driver { group: child.0.id(), _child: child };
     let port = lines.find_map(|line| {
         let line = line.unwrap();
         line.split_once("started successfully on port ")?.1.trim_end_matches('.').parse().ok()

@@ -1,4 +1,5 @@
 //! The page and the JavaScript client in a browser, as their users see them. Pictures of the page go to `target/page`.
+#![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 mod browser;
