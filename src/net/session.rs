@@ -140,6 +140,7 @@ impl Session {
 
     /// Sends what is due next; whether there was anything.
     async fn send_next(&mut self) -> Result<bool, End> {
+        let started = Instant::now();
         let Some((post, lost)) = self.shared.board.look(|posts| self.turn.next(posts)) else {
             return Ok(false);
         };
@@ -167,6 +168,8 @@ impl Session {
         counters.lists_sent.add(1);
         counters.lists_lost.add(lost);
         counters.bytes_sent.add(bytes);
+        let time_ns = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.shared.metrics.time_ns.record(time_ns);
         Ok(true)
     }
 
