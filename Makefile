@@ -18,7 +18,7 @@
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test test-camera test-camera-broken fuzz soak bench tables pictures speed path-tracer system-packages test-packages
+.PHONY: demo test test-camera test-camera-broken fuzz soak soak-clients load bench tables pictures speed path-tracer system-packages test-packages
 
 system-packages:
 	@.ci/system-packages

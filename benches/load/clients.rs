@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio_tungstenite::tungstenite::Message as SocketMessage;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
+use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 
 pub struct Clients {
     shared: Arc<Shared>,
@@ -93,7 +94,10 @@ async fn client(address: SocketAddr, shared: Arc<Shared>, can_stall: bool, is_bi
     let mut request = format!("ws://{address}/ws").into_client_request().unwrap();
     let protocol = if is_binary { BINARY } else { JSON };
     request.headers_mut().insert("sec-websocket-protocol", protocol.parse().unwrap());
-    let (mut socket, _) = tokio_tungstenite::connect_async(request).await.expect("a place for every client");
+    // As the program's own client does.
+    let config = WebSocketConfig::default().read_buffer_size(1 << 14);
+    let connecting = tokio_tungstenite::connect_async_with_config(request, Some(config), true);
+    let (mut socket, _) = connecting.await.expect("a place for every client");
     shared.connected.fetch_add(1, Ordering::AcqRel);
     let mut message = Message::default();
     loop {

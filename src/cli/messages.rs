@@ -15,7 +15,7 @@ pub(super) static PROGRESS: LazyLock<MultiProgress> = LazyLock::new(MultiProgres
 pub(super) enum LogFormat {
     /// Sentences.
     Text,
-    /// A JSON object a line: timestamp, level, fields (message, client, ...), target.
+    /// A JSON object a line: timestamp, level, fields (message, peer, ...), target.
     Json,
 }
 

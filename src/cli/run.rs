@@ -2,8 +2,8 @@ use super::messages::PROGRESS;
 use super::signals::SignalWatch;
 use super::systemd::Watchdog;
 use crate::config::Config;
-use crate::error::{Error, Result};
-use crate::net::{Board, Server};
+use crate::error::{Error, Kind, Result};
+use crate::net::{Board, Server, ServerOptions};
 use crate::rt::Shutdown;
 use crate::service::{Copies, Output, Pictures, RecordOptions, Service, Summary};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -31,7 +31,7 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 ///
 /// With --listen the lists are also streamed to clients, over WebSockets; http://HOST:PORT/ shows them in a browser. Then
 /// SIGHUP takes the configuration anew: if it is bad the old one stays, else the service starts again with it, and
-/// clients stay connected. Lists then are written only to --output.
+/// clients stay connected (those of a server whose section [server] has changed connect again). Lists then are written only to --output.
 ///
 /// Examples:
 ///   lightcast run --config config/replay.toml | jq .error
@@ -73,7 +73,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let Some(address) = &arguments.listen else {
         let _signals = SignalWatch::start(&shutdown)?;
         let mut output = OutputFile::new(arguments);
-        let service = Service::start(&config, || output.open(), copies(arguments, 1, None), &shutdown)?;
+        let service = Service::start(
+            &config,
+            || output.open(),
+            copies(arguments, arguments.record.clone(), None),
+            &shutdown,
+        )?;
         let summary = service.summary();
         return watch(service, &summary, "lists", Summary::lists_published, |_| ());
     };
@@ -90,7 +95,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         server: &server,
         output: OutputFile::new(arguments),
         watchdog: Watchdog::new(),
-        starts: 0,
     };
     let served = serving.serve(config);
     serving.watchdog.stopping();
@@ -105,19 +109,13 @@ fn allow_many_connections() {
     }
 }
 
-/// Pictures, recordings and the clients of a server; the recording of a service that was started anew is another.
-fn copies(arguments: &Arguments, starts: u32, board: Option<&Arc<Board>>) -> Copies {
+/// Pictures, a recording and the clients of a server.
+fn copies(arguments: &Arguments, record: Option<PathBuf>, board: Option<&Arc<Board>>) -> Copies {
     let pictures = arguments
         .pictures
         .as_ref()
         .map(|folder| Pictures { folder: folder.clone(), every: arguments.picture_every });
-    let recording = arguments.record.as_ref().map(|folder| {
-        let mut folder = folder.clone().into_os_string();
-        if starts > 1 {
-            folder.push(format!("-{starts}"));
-        }
-        RecordOptions { folder: folder.into(), ..RecordOptions::default() }
-    });
+    let recording = record.map(|folder| RecordOptions { folder, ..RecordOptions::default() });
     Copies { pictures, recording, board: board.cloned(), ..Copies::default() }
 }
 
@@ -130,44 +128,73 @@ struct Serving<'a> {
     server: &'a Server,
     output: OutputFile<'a>,
     watchdog: Watchdog,
-    /// Services started so far.
-    starts: u32,
 }
 
 impl Serving<'_> {
     /// Runs services until one ends by itself or the program is to end.
     fn serve(&mut self, mut config: Config) -> Result<()> {
+        let mut record = self.arguments.record.clone();
         // Until a service has started with the newest configuration, the one before can be gone back to.
         let mut before = None;
+        let mut service = self.start(&config, record.clone())?;
         loop {
-            let ending = Shutdown::new();
-            let service = match self.start(&config, &ending) {
-                Ok(service) => service,
+            let Some(next) = self.run(service)? else { return Ok(()) };
+            before = Some(std::mem::replace(&mut config, next.config)).or(before);
+            record = self.arguments.record.as_deref().map(next_folder);
+            service = match self.start(&config, record.clone()) {
+                Ok(service) => {
+                    self.server.set_options(next.options);
+                    service
+                }
                 Err(error) => {
-                    let Some(last) = before.take() else { return Err(error) };
                     tracing::error!("the new configuration does not work, back to the one before: {error}");
-                    config = last;
-                    continue;
+                    if let Some(before) = before.take() {
+                        config = before;
+                    }
+                    match self.start_as_before(&config, record.clone())? {
+                        Some(service) => service,
+                        None => return Ok(()),
+                    }
                 }
             };
-            self.server.set_options(config.server_options()?);
-            let Some(next) = self.run(service, &ending)? else { return Ok(()) };
-            before = Some(std::mem::replace(&mut config, next));
         }
     }
 
-    fn start(&mut self, config: &Config, ending: &Shutdown) -> Result<Service> {
-        self.starts += 1;
-        let copies = copies(self.arguments, self.starts, Some(self.board));
-        Service::start(config, || self.output.open(), copies, ending)
+    fn start(&mut self, config: &Config, record: Option<PathBuf>) -> Result<(Service, Shutdown)> {
+        let ending = Shutdown::new();
+        let copies = copies(self.arguments, record, Some(self.board));
+        Ok((Service::start(config, || self.output.open(), copies, &ending)?, ending))
     }
 
-    /// Runs one service until its end; the configuration to go on with, if there is one.
-    fn run(&mut self, service: Service, ending: &Shutdown) -> Result<Option<Config>> {
+    /// Starts with a configuration that has worked: if it does not now, a device is away, and is waited for. `None`: the
+    /// program is to end.
+    fn start_as_before(
+        &mut self,
+        config: &Config,
+        record: Option<PathBuf>,
+    ) -> Result<Option<(Service, Shutdown)>> {
+        let mut wait = Duration::from_millis(250);
+        loop {
+            match self.start(config, record.clone()) {
+                Ok(started) => return Ok(Some(started)),
+                Err(error) if error.kind() == Kind::Usage => return Err(error),
+                Err(error) => tracing::warn!("{error}; trying again in {} s", wait.as_secs_f64()),
+            }
+            if self.shutdown.wait(wait) {
+                return Ok(None);
+            }
+            wait = (2 * wait).min(LONGEST_WAIT);
+        }
+    }
+
+    /// Runs one service until its end; what to go on with, if there is anything.
+    fn run(&mut self, (service, ending): (Service, Shutdown)) -> Result<Option<Next>> {
         let mut next = None;
         let summary = service.summary().with(self.server.metrics().clone());
-        watch(service, &summary, "lists", Summary::lists_published, |summary| {
-            self.watchdog.see(summary);
+        let outcome = watch(service, &summary, "lists", Summary::lists_published, |summary| {
+            if next.is_none() {
+                self.watchdog.see(summary);
+            }
             if self.shutdown.is_aborted() {
                 ending.abort();
             } else if self.shutdown.is_requested() {
@@ -175,9 +202,10 @@ impl Serving<'_> {
             } else if next.is_none() && self.signals.take_hangup() {
                 self.watchdog.reloading();
                 match self.reload() {
-                    Ok(config) => {
+                    Ok(reloaded) => {
                         tracing::info!("{}: taken anew", self.arguments.config.display());
-                        next = Some(config);
+                        next = Some(reloaded);
+                        self.watchdog.starts_anew();
                         ending.request();
                     }
                     Err(error) => {
@@ -186,17 +214,44 @@ impl Serving<'_> {
                     }
                 }
             }
-        })?;
-        Ok(next.filter(|_| !self.shutdown.is_requested()))
+        });
+        match (outcome, next) {
+            (outcome, None) => outcome.map(|()| None),
+            (Ok(()), next) => Ok(next.filter(|_| !self.shutdown.is_requested())),
+            // What has gone wrong before is over with the service that it went wrong in.
+            (Err(error), next) => {
+                tracing::error!("the service before has ended with an error: {error}");
+                Ok(next.filter(|_| !self.shutdown.is_requested()))
+            }
+        }
     }
 
     /// The configuration as its file is now, if a service could run with it.
-    fn reload(&self) -> Result<Config> {
+    fn reload(&self) -> Result<Next> {
         let config = Config::load(&self.arguments.config)?;
-        config.server_options()?;
+        let options = config.server_options()?;
         Service::check(&config)?;
-        Ok(config)
+        Ok(Next { config, options })
     }
+}
+
+/// What a service is started anew with.
+struct Next {
+    config: Config,
+    options: ServerOptions,
+}
+
+/// Longest wait between two attempts to start with a configuration that has worked.
+const LONGEST_WAIT: Duration = Duration::from_secs(8);
+
+/// Where a service that was started anew records: FOLDER-2, FOLDER-3, ..., the first that is free.
+fn next_folder(folder: &Path) -> PathBuf {
+    let numbered = |number: u64| {
+        let mut name = folder.as_os_str().to_owned();
+        name.push(format!("-{number}"));
+        PathBuf::from(name)
+    };
+    (2..).map(numbered).find(|folder| !folder.exists()).expect("numbers do not end before folders do")
 }
 
 /// Shows the progress of a service until it ends, then its summary. `count` counts the `things` of its progress; `watch`

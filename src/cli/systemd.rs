@@ -34,20 +34,28 @@ impl Watchdog {
         }
     }
 
-    /// Before a configuration is taken anew: the next list makes the service ready again.
-    pub fn reloading(&mut self) {
-        if let Ok(now) = NotifyState::monotonic_usec_now() {
+    /// Before a configuration is looked at anew.
+    pub fn reloading(&self) {
+        if self.is_ready
+            && let Ok(now) = NotifyState::monotonic_usec_now()
+        {
             tell(&[NotifyState::Reloading, now]);
         }
-        (self.is_ready, self.progress) = (false, 0);
     }
 
     /// After a configuration that was not taken.
-    pub fn stays(&mut self) {
-        self.is_ready = true;
-        tell(&[NotifyState::Ready]);
+    pub fn stays(&self) {
+        if self.is_ready {
+            tell(&[NotifyState::Ready]);
+        }
     }
 
+    /// After one that was: the next list makes the service ready again.
+    pub fn starts_anew(&mut self) {
+        (self.is_ready, self.progress) = (false, 0);
+    }
+
+    /// At the end.
     pub fn stopping(&self) {
         tell(&[NotifyState::Stopping]);
     }

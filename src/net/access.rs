@@ -3,6 +3,7 @@
 use super::ServerOptions;
 use axum::http::header::{AUTHORIZATION, HOST, ORIGIN, SEC_WEBSOCKET_PROTOCOL};
 use axum::http::{HeaderMap, StatusCode};
+use std::net::IpAddr;
 
 /// What a browser puts in front of a token where it names the subprotocols of a WebSocket, the one place where it lets a
 /// page put anything.
@@ -30,7 +31,9 @@ impl Refusal {
     /// What to tell the client.
     pub fn reason(self) -> &'static str {
         match self {
-            Self::Host => "this server listens on localhost only; call it by that name",
+            Self::Host => {
+                "call this server by its address or the name it listens on; [server] origins can have others"
+            }
             Self::Origin => "pages of this origin may not connect; [server] origins names those that may",
             Self::Token => {
                 "a token is needed: Authorization: Bearer TOKEN, or the subprotocol lightcast.token.TOKEN"
@@ -39,17 +42,39 @@ impl Refusal {
     }
 }
 
-/// Checks a request. A server on a loopback address goes by the names of this machine only.
+/// What a server goes by.
+#[derive(Debug)]
+pub(super) struct Names {
+    /// The host that it was told to listen on.
+    host: String,
+    is_loopback: bool,
+}
+
+impl Names {
+    /// For a server that was told to listen on `address`, HOST:PORT.
+    pub fn new(address: &str, is_loopback: bool) -> Self {
+        Self { host: name_of(address).to_owned(), is_loopback }
+    }
+
+    /// Addresses are nobody's to give away; names are, so that one may point here that another's page is loaded from.
+    fn have(&self, name: &str) -> bool {
+        let number = name.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(name);
+        name == "localhost" || name.eq_ignore_ascii_case(&self.host) || number.parse::<IpAddr>().is_ok()
+    }
+}
+
+/// Checks a request. A server that is for this machine only, or that asks for no token, must be called by a name of its own.
 pub(super) fn check(
     headers: &HeaderMap,
     options: &ServerOptions,
-    is_loopback: bool,
+    names: &Names,
     needs_token: bool,
 ) -> Result<(), Refusal> {
     let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
     let host = text(HOST).unwrap_or("");
-    let is_own_name = || matches!(name_of(host), "localhost" | "127.0.0.1" | "[::1]");
-    if is_loopback && !is_own_name() && !options.origins.iter().any(|origin| host_of(origin) == Some(host)) {
+    let is_known =
+        || names.have(name_of(host)) || options.origins.iter().any(|origin| host_of(origin) == Some(host));
+    if (names.is_loopback || options.token.is_none()) && !is_known() {
         return Err(Refusal::Host);
     }
     // Programs send none; browsers always do where it matters.
@@ -104,20 +129,46 @@ mod tests {
         pairs.iter().map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap())).collect()
     }
 
+    fn names(is_loopback: bool) -> Names {
+        Names::new("studio:7300", is_loopback)
+    }
+
     fn checked(options: &ServerOptions, pairs: &[(&'static str, &'static str)]) -> Result<(), Refusal> {
-        check(&headers(pairs), options, true, true)
+        check(&headers(pairs), options, &names(true), true)
     }
 
     #[test]
-    fn a_server_on_localhost_goes_by_its_own_names() {
-        let options = ServerOptions { origins: vec!["https://studio.example".into()], ..Default::default() };
-        for host in ["localhost:7300", "127.0.0.1:1", "[::1]:80", "localhost", "[::1]", "studio.example"] {
-            assert_eq!(check(&headers(&[("host", host)]), &options, true, true), Ok(()), "{host}");
+    fn a_server_goes_by_addresses_and_its_own_names() {
+        let options = ServerOptions { origins: vec!["https://light.example".into()], ..Default::default() };
+        for host in [
+            "localhost:7300",
+            "127.0.0.1:1",
+            "127.0.1.1",
+            "[::1]:80",
+            "localhost",
+            "[::1]",
+            "studio:7300",
+            "Studio",
+            "192.168.1.5:7300",
+            "light.example",
+        ] {
+            assert_eq!(checked(&options, &[("host", host)]), Ok(()), "{host}");
         }
+        let with_token = ServerOptions { token: Some(token()), ..options.clone() };
         for pairs in [&[("host", "evil.example:7300")][..], &[("host", "localhost.evil.example")], &[]] {
             assert_eq!(checked(&options, pairs), Err(Refusal::Host), "{pairs:?}");
-            assert_eq!(check(&headers(pairs), &options, false, true), Ok(()), "elsewhere it has any name");
+            assert_eq!(check(&headers(pairs), &options, &names(false), false), Err(Refusal::Host));
+            assert_eq!(check(&headers(pairs), &with_token, &names(true), false), Err(Refusal::Host));
+            let elsewhere = check(&headers(pairs), &with_token, &names(false), false);
+            assert_eq!(elsewhere, Ok(()), "with a token it may have any name");
         }
+    }
+
+    fn token() -> Token {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("token");
+        std::fs::write(&path, "0123456789abcdef").unwrap();
+        Token::load(&path).unwrap()
     }
 
     #[test]
@@ -136,10 +187,7 @@ mod tests {
 
     #[test]
     fn the_token_is_taken_from_either_place() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("token");
-        std::fs::write(&path, "0123456789abcdef").unwrap();
-        let options = ServerOptions { token: Some(Token::load(&path).unwrap()), ..Default::default() };
+        let options = ServerOptions { token: Some(token()), ..Default::default() };
         let host = ("host", "localhost");
         for shown in [
             ("authorization", "Bearer 0123456789abcdef"),
@@ -159,6 +207,6 @@ mod tests {
         ] {
             assert_eq!(checked(&options, &[host, shown]), Err(Refusal::Token), "{shown:?}");
         }
-        assert_eq!(check(&headers(&[host]), &options, true, false), Ok(()), "what anybody may see");
+        assert_eq!(check(&headers(&[host]), &options, &names(true), false), Ok(()), "what anybody may see");
     }
 }

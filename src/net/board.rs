@@ -1,6 +1,6 @@
 use super::metrics::Stages;
 use crate::error::Result;
-use crate::image::{PolarMap, Stamp};
+use crate::image::PolarMap;
 use crate::light::error::ListError;
 use crate::light::{Light, LightList, prefix};
 use crate::rt::{CaptureEpoch, Metrics};
@@ -11,7 +11,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use tokio::sync::watch;
 
-/// Shortened forms of one list that are kept: clients mostly ask for a few round numbers.
+/// Forms of one list that clients can choose freely: they mostly ask for a few round numbers. Once there are so many,
+/// others get a power of two.
 const FORMS_MAX: usize = 16;
 
 /// Where the service puts what clients may want: the newest lists, the newest map, what its stages have done. Posting
@@ -20,7 +21,8 @@ pub struct Board {
     lists: Mutex<Lists>,
     /// Number of the next post, for those who wait for it.
     next_number: watch::Sender<u64>,
-    map: Mutex<Option<PolarMap>>,
+    /// The newest map, and how many there were before.
+    map: Mutex<Option<(u64, PolarMap)>>,
     shortener: Mutex<Shortener>,
     pub(super) stages: Arc<Stages>,
 }
@@ -44,7 +46,8 @@ pub(super) struct Post {
 struct Form {
     is_binary: bool,
     light_count: usize,
-    bytes: Bytes,
+    /// `None` if it cannot be encoded.
+    bytes: Option<Bytes>,
 }
 
 /// Scratch memory for prefixes.
@@ -94,11 +97,12 @@ impl Board {
     pub fn post_map(&self, map: &PolarMap) {
         let mut kept = lock(&self.map);
         match &mut *kept {
-            Some(kept) => {
+            Some((number, kept)) => {
+                *number += 1;
                 (kept.stamp, kept.shape) = (map.stamp, map.shape);
                 kept.pixels.clone_from(&map.pixels);
             }
-            None => *kept = Some(map.clone()),
+            None => *kept = Some((0, map.clone())),
         }
     }
 
@@ -123,40 +127,47 @@ impl Board {
         lists.posts.back().cloned().zip(lists.posted_at)
     }
 
-    /// When and where in its sequence the newest map was captured.
-    pub(super) fn map_stamp(&self) -> Option<Stamp> {
-        lock(&self.map).as_ref().map(|map| map.stamp)
+    /// How many maps there were before the newest.
+    pub(super) fn map_number(&self) -> Option<u64> {
+        lock(&self.map).as_ref().map(|(number, _)| *number)
     }
 
-    /// A copy of the newest map.
-    pub(super) fn map(&self) -> Option<PolarMap> {
+    /// A copy of the newest map, and how many there were before.
+    pub(super) fn map(&self) -> Option<(u64, PolarMap)> {
         lock(&self.map).clone()
     }
 
     /// The list of `post` as `subscription` wants it: what `wire` calls its body. It is worked out once for all clients
-    /// that want the same.
-    ///
-    /// # Errors
-    /// Those of the encoders.
-    pub(super) fn body(&self, post: &Post, subscription: &Subscription, is_binary: bool) -> Result<Bytes> {
-        let light_count = subscription.light_count(&post.list);
+    /// that want the same; where they want too many different ones, some get fewer lights. `None` where it cannot be
+    /// encoded, which is told once.
+    pub(super) fn body(&self, post: &Post, subscription: &Subscription, is_binary: bool) -> Option<Bytes> {
+        let mut light_count = subscription.light_count(&post.list);
         let mut forms = lock(&post.forms);
-        let is_same = |form: &&Form| form.is_binary == is_binary && form.light_count == light_count;
-        if let Some(form) = forms.iter().find(is_same) {
-            return Ok(form.bytes.clone());
+        let find = |forms: &[Form], count: usize| {
+            let form = forms.iter().find(|form| form.is_binary == is_binary && form.light_count == count);
+            form.map(|form| form.bytes.clone())
+        };
+        if let Some(bytes) = find(&forms, light_count) {
+            return bytes;
+        }
+        if forms.len() >= FORMS_MAX && light_count < post.list.lights.len() {
+            light_count = 1 << light_count.max(1).ilog2();
+            if let Some(bytes) = find(&forms, light_count) {
+                return bytes;
+            }
         }
         let mut body = Vec::new();
-        if light_count < post.list.lights.len() {
-            let mut shortener = lock(&self.shortener);
-            encode(shortener.shorten(&post.list, light_count), is_binary, &mut body)?;
+        let encoded = if light_count < post.list.lights.len() {
+            encode(lock(&self.shortener).shorten(&post.list, light_count), is_binary, &mut body)
         } else {
-            encode(&post.list, is_binary, &mut body)?;
+            encode(&post.list, is_binary, &mut body)
+        };
+        if let Err(error) = &encoded {
+            tracing::error!("list {}: {error}", post.list.stamp.sequence);
         }
-        let bytes = Bytes::from(body);
-        if forms.len() < FORMS_MAX {
-            forms.push(Form { is_binary, light_count, bytes: bytes.clone() });
-        }
-        Ok(bytes)
+        let bytes = encoded.is_ok().then(|| Bytes::from(body));
+        forms.push(Form { is_binary, light_count, bytes: bytes.clone() });
+        bytes
     }
 }
 
@@ -290,6 +301,23 @@ mod tests {
         let expected = whole.prefix_errors.iter().find(|(_, error)| *error < at_16 * 1.01).unwrap().0;
         assert_eq!(decoded(&board, &wanted(at_16 * 1.01), true).lights.len(), expected as usize);
         assert_eq!(decoded(&board, &wanted(1e-30), true).lights.len(), 100);
+    }
+
+    #[test]
+    fn clients_that_all_want_something_else_share_powers_of_two() {
+        let board = Board::default();
+        board.post(&list(0, 100), &CaptureEpoch::default());
+        let (post, _) = board.newest().unwrap();
+        for lights in (1..=100).chain(1..=100) {
+            let wanted = Subscription { lights: Some(lights), ..Subscription::default() };
+            for is_binary in [false, true] {
+                board.body(&post, &wanted, is_binary).unwrap();
+            }
+        }
+        let kept = lock(&post.forms).len();
+        assert!(kept <= FORMS_MAX + 2 * 8, "{kept} forms: two whole lists and the powers up to 64 at most");
+        let wanted = Subscription { lights: Some(77), ..Subscription::default() };
+        assert_eq!(decoded(&board, &wanted, true).lights.len(), 64);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 use super::Token;
 use crate::error::{Error, Result};
-use crate::rt::{Counter, Metrics, Shutdown, Threads};
+use crate::rt::{Counter, Metrics, Shutdown, Threads, monotonic_ns};
 use crate::wire::{self, MESSAGE_MAX_BYTES, Message, Subscription, binary, json};
 use axum::http::header::{AUTHORIZATION, SEC_WEBSOCKET_PROTOCOL};
 use axum::http::{HeaderValue, StatusCode, Uri};
@@ -26,6 +26,8 @@ const LONGEST_WAIT: Duration = Duration::from_secs(8);
 const ASK_EVERY: Duration = Duration::from_secs(5);
 /// and given up when it has said nothing for so long.
 const SILENCE_MAX: Duration = Duration::from_secs(20);
+/// Four lists of 300 lights as bytes.
+const READ_BUFFER_BYTES: usize = 1 << 14;
 /// How often a request to end is looked for.
 const GLANCE: Duration = Duration::from_millis(20);
 
@@ -181,7 +183,10 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                         tracing::warn!("{}: {reason}; trying again (attempt {attempts})", self.options.uri);
                     }
                     let doublings = attempts.saturating_sub(1).min(16);
-                    sleep(FIRST_WAIT.saturating_mul(1 << doublings).min(LONGEST_WAIT)).await;
+                    let wait = FIRST_WAIT.saturating_mul(1 << doublings).min(LONGEST_WAIT);
+                    // Clients that a server has lost together do not all come back in one moment.
+                    let chance = (monotonic_ns() / 1000 % 1000) as f64 * 1e-3;
+                    sleep(wait.mul_f64(0.5 + 0.5 * chance)).await;
                 }
             }
         }
@@ -191,7 +196,9 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
         let request = self.options.request().map_err(End::Failed)?;
         let config = WebSocketConfig::default()
             .max_message_size(Some(MESSAGE_MAX_BYTES))
-            .max_frame_size(Some(MESSAGE_MAX_BYTES));
+            .max_frame_size(Some(MESSAGE_MAX_BYTES))
+            // It is cleared before every read.
+            .read_buffer_size(READ_BUFFER_BYTES);
         let connecting = connect_async_with_config(request, Some(config), true);
         match timeout(CONNECT_WITHIN, connecting).await {
             Ok(Ok((socket, _))) => Ok(socket),
@@ -206,9 +213,9 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
     /// What an answer other than a stream means: some may be another tomorrow.
     fn refusal(&self, status: StatusCode, body: Option<&[u8]>) -> End {
         let reason = String::from_utf8_lossy(body.unwrap_or_default());
-        let reason = reason.lines().next().unwrap_or_default();
-        let told: String = reason.chars().filter(|character| !character.is_control()).take(200).collect();
-        if status.is_client_error() {
+        let told = printable(&reason);
+        let is_for_now = [StatusCode::REQUEST_TIMEOUT, StatusCode::TOO_EARLY, StatusCode::TOO_MANY_REQUESTS];
+        if status.is_client_error() && !is_for_now.contains(&status) {
             let error = Error::usage(format!("the server refuses, {status}: {told}"));
             return End::Failed(error.at(&self.options.uri));
         }
@@ -253,7 +260,11 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                 json::decode(text.as_bytes(), &mut self.message)
             }
             SocketMessage::Close(Some(frame)) => {
-                return Err(End::Lost(format!("the server says {}: {}", frame.code, frame.reason)));
+                return Err(End::Lost(format!(
+                    "the server says {}: {}",
+                    frame.code,
+                    printable(&frame.reason)
+                )));
             }
             _ => return Ok(()),
         };
@@ -269,6 +280,12 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
             Err(error) => Err(End::Failed(error)),
         }
     }
+}
+
+/// The first line of what somebody else has written, fit for a terminal.
+fn printable(text: &str) -> String {
+    let line = text.lines().next().unwrap_or_default();
+    line.chars().filter(|character| !character.is_control()).take(200).collect()
 }
 
 /// Waits until a shutdown is requested.

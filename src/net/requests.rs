@@ -5,6 +5,7 @@ use super::metrics;
 use super::page;
 use super::server::{Peer, Shared};
 use super::session::Session;
+use crate::error::{Error, Result};
 use crate::image::{PolarMap, encode_map_exr};
 use crate::picture::encode_map_png;
 use crate::wire::{self, Subscription};
@@ -27,6 +28,8 @@ const READY_WITHIN: Duration = Duration::from_secs(5);
 
 /// Number of the newest item in its sequence.
 const SEQUENCE: HeaderName = HeaderName::from_static("lightcast-sequence");
+/// Not among the names that the library has.
+const CROSS_ORIGIN_RESOURCE_POLICY: HeaderName = HeaderName::from_static("cross-origin-resource-policy");
 /// Polar angle of the lower rim of a map.
 const THETA_MAX_RAD: HeaderName = HeaderName::from_static("lightcast-theta-max-rad");
 
@@ -57,12 +60,16 @@ async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, nex
     let headers = response.headers_mut();
     headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.entry(CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
+    if shared.options().origins.is_empty() {
+        // Pages of others, which show pictures without saying where they are from.
+        headers.insert(CROSS_ORIGIN_RESOURCE_POLICY, HeaderValue::from_static("same-origin"));
+    }
     response
 }
 
 async fn check(shared: &Shared, needs_token: bool, request: Request, next: Next) -> Response {
     let options = shared.options();
-    match access::check(request.headers(), &options, shared.is_loopback, needs_token) {
+    match access::check(request.headers(), &options, &shared.names, needs_token) {
         Ok(()) => next.run(request).await,
         Err(refusal) => {
             shared.counters.refused.add(1);
@@ -111,13 +118,16 @@ async fn stream(
         shared.counters.refused.add(1);
         return refused(StatusCode::SERVICE_UNAVAILABLE, "all places are taken; try again later");
     };
-    upgrade.max_message_size(wire::DEMAND_MAX_BYTES).max_frame_size(wire::DEMAND_MAX_BYTES).on_upgrade(
-        move |socket| async move {
+    upgrade
+        .max_message_size(wire::DEMAND_MAX_BYTES)
+        .max_frame_size(wire::DEMAND_MAX_BYTES)
+        // It is cleared before every read, for every client.
+        .read_buffer_size(wire::DEMAND_MAX_BYTES)
+        .on_upgrade(move |socket| async move {
             let session = Session::new(socket, &shared, phase, subscription, is_binary, options.patience);
             session.run(peer).await;
             drop(place);
-        },
-    )
+        })
 }
 
 async fn lights(State(shared): State<Arc<Shared>>, RawQuery(query): RawQuery) -> Response {
@@ -126,14 +136,12 @@ async fn lights(State(shared): State<Arc<Shared>>, RawQuery(query): RawQuery) ->
         Err(error) => return refused(StatusCode::BAD_REQUEST, error.to_string()),
     };
     let Some((post, _)) = shared.board.newest() else { return not_yet("list") };
-    match shared.board.body(&post, &subscription, false) {
-        Ok(body) => {
-            let sequence = HeaderValue::from(post.list.stamp.sequence);
-            let kind = HeaderValue::from_static("application/json");
-            ([(CONTENT_TYPE, kind), (SEQUENCE, sequence)], body).into_response()
-        }
-        Err(error) => failed(&error),
-    }
+    let Some(body) = shared.board.body(&post, &subscription, false) else {
+        return refused(StatusCode::INTERNAL_SERVER_ERROR, "the newest list cannot be put into JSON");
+    };
+    let sequence = HeaderValue::from(post.list.stamp.sequence);
+    let kind = HeaderValue::from_static("application/json");
+    ([(CONTENT_TYPE, kind), (SEQUENCE, sequence)], body).into_response()
 }
 
 async fn map_png(State(shared): State<Arc<Shared>>) -> Response {
@@ -145,44 +153,49 @@ async fn map_exr(State(shared): State<Arc<Shared>>) -> Response {
 }
 
 /// The newest map as a file. Encoding takes milliseconds: it is done once for all who ask for the same map, one at a
-/// time, and beside the thread that streams.
+/// time, and beside the thread that streams. It goes on when its client has gone, and so does the turn of the next.
 async fn map(
     shared: &Arc<Shared>,
     kept: usize,
     kind: &'static str,
-    encode: fn(&PolarMap) -> crate::error::Result<Vec<u8>>,
+    encode: fn(&PolarMap) -> Result<Vec<u8>>,
 ) -> Response {
-    let mut kept = shared.maps[kept].lock().await;
-    let Some(stamp) = shared.board.map_stamp() else { return not_yet("map") };
-    let is_newest = kept.as_ref().is_some_and(|kept| kept.sequence == stamp.sequence);
-    if !is_newest {
-        let Some(map) = shared.board.map() else { return not_yet("map") };
-        let encoded = tokio::task::spawn_blocking(move || {
-            let bytes = encode(&map)?;
-            Ok(EncodedMap {
+    let mut kept = shared.maps[kept].clone().lock_owned().await;
+    let board = shared.board.clone();
+    let encoded = tokio::task::spawn_blocking(move || -> Result<Option<EncodedMap>> {
+        let Some(number) = board.map_number() else { return Ok(None) };
+        if kept.as_ref().is_none_or(|kept| kept.number != number)
+            && let Some((number, map)) = board.map()
+        {
+            *kept = Some(EncodedMap {
+                number,
                 sequence: map.stamp.sequence,
                 theta_max_rad: map.shape.theta_max_rad,
-                bytes: bytes.into(),
-            })
-        });
-        match encoded.await {
-            Ok(Ok(encoded)) => *kept = Some(encoded),
-            Ok(Err(error)) => return failed(&error),
-            Err(error) => return failed(&crate::error::Error::failed("cannot be encoded").because(error)),
+                bytes: encode(&map)?.into(),
+            });
         }
-    }
-    let Some(kept) = &*kept else { return not_yet("map") };
-    let theta_max = HeaderValue::try_from(kept.theta_max_rad.to_string());
+        Ok(kept.clone())
+    });
+    let encoded = match encoded.await {
+        Ok(Ok(Some(encoded))) => encoded,
+        Ok(Ok(None)) => return not_yet("map"),
+        Ok(Err(error)) => return failed(&error),
+        Err(error) => return failed(&Error::failed("the map cannot be encoded").because(error)),
+    };
+    let theta_max = HeaderValue::try_from(encoded.theta_max_rad.to_string());
     let headers = [
         (CONTENT_TYPE, HeaderValue::from_static(kind)),
-        (SEQUENCE, HeaderValue::from(kept.sequence)),
+        (SEQUENCE, HeaderValue::from(encoded.sequence)),
         (THETA_MAX_RAD, theta_max.unwrap_or(HeaderValue::from_static(""))),
     ];
-    (headers, kept.bytes.clone()).into_response()
+    (headers, encoded.bytes).into_response()
 }
 
 /// A map as a file.
+#[derive(Clone)]
 pub(super) struct EncodedMap {
+    /// How many were on the board before it.
+    number: u64,
     sequence: u64,
     theta_max_rad: f64,
     bytes: Bytes,
@@ -191,7 +204,7 @@ pub(super) struct EncodedMap {
 async fn metrics(State(shared): State<Arc<Shared>>) -> Response {
     match metrics::text(&shared) {
         Ok(text) => ([(CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response(),
-        Err(error) => failed(&crate::error::Error::failed("cannot be put into text").because(error)),
+        Err(error) => failed(&Error::failed("the figures cannot be put into text").because(error)),
     }
 }
 
@@ -208,7 +221,7 @@ async fn ready(State(shared): State<Arc<Shared>>) -> Response {
     "lists flow\n".into_response()
 }
 
-fn failed(error: &crate::error::Error) -> Response {
+fn failed(error: &Error) -> Response {
     tracing::error!("{error}");
     refused(StatusCode::INTERNAL_SERVER_ERROR, error.to_string())
 }

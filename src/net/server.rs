@@ -1,3 +1,4 @@
+use super::access::Names;
 use super::requests::{self, EncodedMap};
 use super::{Board, ServerOptions};
 use crate::error::{Error, Result};
@@ -24,8 +25,8 @@ use tokio::time::{sleep, timeout};
 const SEND_BUFFER_BYTES: usize = 1 << 16;
 /// Connections for requests beside those that lists are streamed over.
 const REQUESTS_MAX: usize = 64;
-/// Longest time for the head of a request, also for the next one on a connection that is kept.
-const HEAD_WITHIN: Duration = Duration::from_secs(10);
+/// Longest time for the head of a request.
+const HEAD_WITHIN: Duration = Duration::from_secs(5);
 /// Longest life of a connection for requests: a client that reads an answer byte by byte does not hold it for ever.
 const CONNECTION_WITHIN: Duration = Duration::from_secs(120);
 /// Longest time that clients have in the end to take what is left.
@@ -42,11 +43,11 @@ pub struct Server {
 /// What all connections share.
 pub(super) struct Shared {
     pub board: Arc<Board>,
-    pub is_loopback: bool,
+    pub names: Names,
     pub metrics: Arc<Metrics>,
     pub counters: Counters,
     /// The newest map as PNG and as OpenEXR.
-    pub maps: [tokio::sync::Mutex<Option<EncodedMap>>; 2],
+    pub maps: [Arc<tokio::sync::Mutex<Option<EncodedMap>>>; 2],
     options: RwLock<Arc<ServerOptions>>,
     clients: AtomicUsize,
     phase: watch::Sender<Phase>,
@@ -90,7 +91,7 @@ impl Server {
         options: ServerOptions,
         shutdown: &Shutdown,
     ) -> Result<Self> {
-        let listener = listen(address)?;
+        let (listener, asked) = (listen(address)?, address.to_owned());
         let failed = |error: std::io::Error| Error::failed("cannot listen").because(error).at(address);
         let address = listener.local_addr().map_err(failed)?;
         if options.token.is_none() && !address.ip().is_loopback() {
@@ -101,7 +102,7 @@ impl Server {
         let metrics = Metrics::new("serve");
         let shared = Arc::new(Shared {
             board: board.clone(),
-            is_loopback: address.ip().is_loopback(),
+            names: Names::new(&asked, address.ip().is_loopback()),
             counters: Counters::new(&metrics),
             metrics,
             maps: Default::default(),
@@ -234,6 +235,8 @@ async fn connection(
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_WITHIN)
+        // A page asks for maps again and again: with its connections kept, few pages would take all places.
+        .keep_alive(false)
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
     // Whoever sends nonsense or goes away meanwhile is no concern of the server's.

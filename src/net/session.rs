@@ -32,8 +32,6 @@ pub(super) struct Session {
     heard: Instant,
     /// Messages that it may send now.
     allowance: f64,
-    /// The message under way.
-    message: Vec<u8>,
     /// Lists so far.
     sent: u64,
     lost: u64,
@@ -80,7 +78,6 @@ impl Session {
             patience,
             heard: Instant::now(),
             allowance: BURST,
-            message: Vec::new(),
             sent: 0,
             lost: 0,
         }
@@ -95,7 +92,8 @@ impl Session {
         if let End::Close(code, reason) = end {
             let close = CloseFrame { code, reason: Utf8Bytes::from_static(reason) };
             let _ = timeout(FAREWELL, self.socket.send(Message::Close(Some(close)))).await;
-            // Until the client has closed its end: what it does not take before the connection goes would be lost.
+            // Until the client has closed its end: what it does not take before the connection goes would be lost. After
+            // what was no frame nothing can be read, and a client far away may see the connection break and no reason.
             let _ = timeout(FAREWELL, async { while let Some(Ok(_)) = self.socket.recv().await {} }).await;
         }
     }
@@ -144,21 +142,16 @@ impl Session {
         let Some((post, lost)) = self.shared.board.look(|posts| self.turn.next(posts)) else {
             return Ok(false);
         };
-        let body = match self.shared.board.body(&post, self.turn.subscription(), self.is_binary) {
-            Ok(body) => body,
-            Err(error) => {
-                tracing::error!("list {}: {error}", post.list.stamp.sequence);
-                return Ok(true);
-            }
+        let Some(body) = self.shared.board.body(&post, self.turn.subscription(), self.is_binary) else {
+            return Ok(true);
         };
-        let delivery = delivery(&post, lost);
+        let (delivery, mut bytes) = (delivery(&post, lost), Vec::new());
         let message = if self.is_binary {
-            binary::encode(&body, &delivery, &mut self.message);
-            Message::Binary(std::mem::take(&mut self.message).into())
+            binary::encode(&body, &delivery, &mut bytes);
+            Message::Binary(bytes.into())
         } else {
-            json::encode(&body, &delivery, &mut self.message);
-            let text = String::from_utf8(std::mem::take(&mut self.message)).expect("JSON is UTF-8");
-            Message::Text(text.into())
+            json::encode(&body, &delivery, &mut bytes);
+            Message::Text(String::from_utf8(bytes).expect("JSON is UTF-8").into())
         };
         let bytes = message_bytes(&message);
         self.send(message).await?;

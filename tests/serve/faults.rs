@@ -42,7 +42,7 @@ fn a_client_that_dies_in_the_middle_of_a_message_leaves_its_place() {
 
 #[test]
 fn a_connection_whose_other_end_is_gone_without_a_word_is_given_up() {
-    let patience = Duration::from_millis(300);
+    let patience = Duration::from_secs(2);
     let posting = Posting::new(ServerOptions { patience, ..ServerOptions::default() });
     // It never reads, so it answers no ping: to the server it looks like a cable that was pulled.
     let dead = posting.client("");

@@ -1,13 +1,13 @@
 //! What a service needs to run for weeks: its configuration taken anew, what systemd is told, nothing that grows.
 
-use crate::connection::{get, next_json, wait_until};
+use crate::connection::{connect, get, next_json, wait_until};
 use crate::program::Running;
 use crate::recording::Recording;
 use std::fs;
 use std::os::unix::net::UnixDatagram;
 use std::time::Duration;
+use tokio_tungstenite::tungstenite::WebSocket;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use tokio_tungstenite::tungstenite::{self, WebSocket};
 
 fn endless() -> Recording {
     let recording = Recording::new(10);
@@ -18,7 +18,7 @@ fn endless() -> Recording {
 fn client(running: &Running) -> WebSocket<std::net::TcpStream> {
     let mut request = format!("ws://{}/ws", running.address).into_client_request().unwrap();
     request.headers_mut().insert("sec-websocket-protocol", "lightcast.v1.json".parse().unwrap());
-    tungstenite::client(request, std::net::TcpStream::connect(running.address).unwrap()).unwrap().0
+    connect(request, running.address).unwrap()
 }
 
 fn light_count(socket: &mut WebSocket<std::net::TcpStream>) -> usize {
