@@ -235,8 +235,6 @@ async fn connection(
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_WITHIN)
-        // A page asks for maps again and again: with its connections kept, few pages would take all places.
-        .keep_alive(false)
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
     // Whoever sends nonsense or goes away meanwhile is no concern of the server's.
