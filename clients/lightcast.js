@@ -1,7 +1,7 @@
 /**
  * Light lists from a lightcast server, in browsers and in Node 22 and later. One file, an ES module, no dependencies.
  *
- *     const client = new LightcastClient("ws://127.0.0.1:8080/ws", { subscription: { lights: 64 } });
+ *     const client = new LightcastClient("ws://127.0.0.1:7300/ws", { subscription: { lights: 64 } });
  *     client.addEventListener("list", ({ detail }) => console.log(detail.sequence, detail.lights.length));
  *     client.connect();
  *
@@ -254,7 +254,7 @@ export class LightcastClient extends EventTarget {
   #state = { state: "closed", reason: "not connected yet", retry_ms: null };
 
   /**
-   * @param {string | URL} url such as `ws://127.0.0.1:8080/ws`
+   * @param {string | URL} url such as `ws://127.0.0.1:7300/ws`
    * @param {object} [options]
    * @param {"binary" | "json"} [options.format] default: binary
    * @param {string | null} [options.token] where the server asks for one
