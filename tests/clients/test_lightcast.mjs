@@ -1,0 +1,5 @@
+// Tests of clients/lightcast.js:
+//
+//     node tests/clients/test_lightcast.mjs
+
+import "./decoders.mjs";
