@@ -257,18 +257,26 @@ function fail(what) {
  *
  * Events, each a `CustomEvent`: `list` with a {@link LightList}, `state` with a {@link State}, `answer` with what the
  * server says to a subscription (`{subscribed: {...}}` or `{error: "..."}`), and `fault` with an `Error` for a message
- * that cannot be read, after which the connection is closed and tried again.
+ * that cannot be read, after which the connection is closed and tried again. A server that is silent is asked whether it
+ * is there, by the subscription once more, and given up when it does not answer that either.
  */
 export class LightcastClient extends EventTarget {
   #url;
   #format;
   #token;
   #subscription;
+  /** The last one that the server took: one that it does not take is not asked for again. */
+  #agreed;
+  /** What the server has yet to answer, and whether anybody wants to know. */
+  #unanswered = [];
   #delays;
   #socket = null;
   #timer = null;
   #attempts = 0;
   #openedAt = 0;
+  /** When the server last said anything, or was asked to, and whether it was asked since. */
+  #heardAt = 0;
+  #isAsked = false;
   /** @type {State} */
   #state = { state: "closed", reason: "not connected yet", retry_ms: null };
 
@@ -324,17 +332,18 @@ export class LightcastClient extends EventTarget {
   }
 
   /**
-   * Asks for something else; an `answer` says whether the server takes it. While there is no connection the next one
-   * begins with it.
+   * Asks for something else; an `answer` says whether the server takes it, and if not all stays as it was. While there
+   * is no connection the next one begins with it.
    *
    * @param {Subscription} subscription replaces the whole of the one before
    */
   subscribe(subscription) {
     this.#subscription = { ...subscription };
-    if (this.#state.state === "open") this.#ask();
+    if (this.#state.state === "open") this.#ask(true);
   }
 
-  #ask() {
+  #ask(isTold) {
+    this.#unanswered.push({ subscription: this.#subscription, isTold });
     this.#socket.send(JSON.stringify({ subscribe: this.#subscription }));
   }
 
@@ -343,7 +352,14 @@ export class LightcastClient extends EventTarget {
     for (const [key, value] of Object.entries(this.#subscription)) url.searchParams.set(key, String(value));
     const protocols = [this.#format === "binary" ? BINARY : JSON_TEXT];
     if (this.#token !== null) protocols.push(TOKEN_PREFIX + this.#token);
-    const socket = new WebSocket(url.href, protocols);
+    let socket;
+    try {
+      socket = new WebSocket(url.href, protocols);
+    } catch (error) {
+      // Not allowed from this page, no address of a WebSocket, or no WebSockets here: so it would be the next time.
+      this.#tell("closed", error.message, null);
+      return;
+    }
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     const mine = (act) => (event) => {
@@ -354,9 +370,13 @@ export class LightcastClient extends EventTarget {
     let wasOpen = false;
     socket.addEventListener("open", mine(() => {
       wasOpen = true;
-      this.#openedAt = Date.now();
+      this.#openedAt = this.#heardAt = performance.now();
+      this.#isAsked = false;
+      this.#agreed = asked;
+      this.#unanswered = [];
+      this.#watch();
       // Asked for since the attempt began.
-      if (this.#subscription !== asked) this.#ask();
+      if (this.#subscription !== asked) this.#ask(true);
       this.#tell("open", "", null);
     }));
     socket.addEventListener("message", mine(({ data }) => this.#take(data)));
@@ -368,7 +388,27 @@ export class LightcastClient extends EventTarget {
     this.#tell("connecting", "", null);
   }
 
+  /**
+   * A connection that broke where nobody says so is silent for ever, and browsers keep the server's pings to themselves.
+   * Timers of a page that nobody sees are late, and those of a device that slept: nobody is given up who was not asked.
+   */
+  #watch() {
+    const left_ms = this.#heardAt + PATIENCE_MS - performance.now();
+    if (left_ms <= 0 && this.#isAsked) {
+      this.#leave("the server is silent", "silent");
+      return;
+    }
+    if (left_ms <= 0) {
+      this.#heardAt = performance.now();
+      this.#isAsked = true;
+      this.#ask(false);
+    }
+    this.#timer = setTimeout(() => this.#watch(), left_ms > 0 ? left_ms : PATIENCE_MS);
+  }
+
   #take(data) {
+    this.#heardAt = performance.now();
+    this.#isAsked = false;
     try {
       if (typeof data !== "string") {
         this.#emit("list", decodeBinary(data));
@@ -376,20 +416,33 @@ export class LightcastClient extends EventTarget {
       }
       const message = parsed(data);
       if ("lights" in message) this.#emit("list", read(message));
-      else this.#emit("answer", message);
+      else this.#answered(message);
     } catch (error) {
-      const socket = this.#socket;
-      this.#lose(error.message);
-      socket?.close(4000, "unreadable message");
+      this.#leave(error.message, "unreadable message");
       this.#emit("fault", error);
     }
+  }
+
+  #answered(message) {
+    const { subscription, isTold } = this.#unanswered.shift() ?? { subscription: this.#agreed, isTold: true };
+    if (!("error" in message)) this.#agreed = subscription;
+    else if (this.#subscription === subscription) this.#subscription = this.#agreed;
+    if (isTold) this.#emit("answer", message);
+  }
+
+  /** Leaves a connection of which nothing more is expected, with a word to the server, and comes again. */
+  #leave(reason, word) {
+    const socket = this.#socket;
+    this.#lose(reason);
+    socket.close(4000, word);
   }
 
   /** Closed by somebody else: again after a while, the longer the more often it happens. */
   #lose(reason) {
     // A connection that held shows that the server takes us.
-    if (this.#state.state === "open" && Date.now() - this.#openedAt > this.#delays.max) this.#attempts = 0;
+    if (this.#state.state === "open" && performance.now() - this.#openedAt > this.#delays.max) this.#attempts = 0;
     this.#socket = null;
+    clearTimeout(this.#timer);
     const longest = Math.min(this.#delays.max, this.#delays.min * 2 ** this.#attempts);
     // Half of it by chance, so that the clients of a server that comes back do not come all at once.
     const delay = longest * (0.5 + 0.5 * Math.random());

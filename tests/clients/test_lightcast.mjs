@@ -3,3 +3,4 @@
 //     node tests/clients/test_lightcast.mjs
 
 import "./decoders.mjs";
+import "./connections.mjs";
