@@ -359,7 +359,11 @@ class Stream:
             try:
                 if self._connection is None:
                     self._connect()
+                    if self._closed.is_set():
+                        break  # `close` found no connection yet
                 message = self._connection.recv()
+                if self._closed.is_set():
+                    break  # a list that had come before `close`
             except (ssl.SSLCertVerificationError, InvalidURI):
                 raise
             except (OSError, WebSocketException) as fault:
