@@ -1,4 +1,4 @@
-"""Prints what comes from a lightcast server: python example.py ws://127.0.0.1:8080/ws [TOKEN]"""
+"""Prints what comes from a lightcast server: python example.py ws://127.0.0.1:7300/ws [TOKEN]"""
 
 import sys
 

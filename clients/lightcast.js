@@ -1,7 +1,8 @@
 /**
- * Light lists from a lightcast server, in browsers and in Node 22 and later. One file, an ES module, no dependencies.
+ * Light lists from a lightcast server, in browsers and in Node 22 and later (20.10 with --experimental-websocket). One
+ * file, an ES module, no dependencies. The decoders work from Node 18 on.
  *
- *     const client = new LightcastClient("ws://127.0.0.1:8080/ws", { subscription: { lights: 64 } });
+ *     const client = new LightcastClient("ws://127.0.0.1:7300/ws", { subscription: { lights: 64 } });
  *     client.addEventListener("list", ({ detail }) => console.log(detail.sequence, detail.lights.length));
  *     client.connect();
  *
@@ -16,8 +17,10 @@ export const JSON_TEXT = "lightcast.v1.json";
 /** Goes before the token where it travels as a WebSocket subprotocol. */
 const TOKEN_PREFIX = "lightcast.token.";
 
-/** Most lights, and most prefix errors, that a list is believed to hold. */
+/** Most lights and prefix errors that a list is believed to hold, and most characters as JSON. */
 const MAX_LIGHTS = 16384;
+const MAX_PREFIX_ERRORS = 64;
+const MAX_CHARACTERS = 2 ** 23;
 const HEADER_BYTES = 120;
 const PREFIX_ERROR_BYTES = 8;
 const LIGHT_BYTES = 14;
@@ -29,6 +32,13 @@ const MOST_IRRADIANCE = 1e30;
 const MOST_POWER = 1e36;
 /** Pi, as the server rounds it. */
 const MOST_SPREAD_RAD = Math.fround(Math.PI);
+/** Of 32 and of 64 bits, as near as a number is to them. */
+const MOST_U32 = 2 ** 32 - 1;
+const MOST_U64 = 2 ** 64;
+const MOST_TIME_NS = 2 ** 63;
+
+/** After so long without a message the server is asked whether it is there; after as long again it is not. */
+const PATIENCE_MS = 10_000;
 
 /**
  * @typedef {object} Light
@@ -93,7 +103,7 @@ export function decodeBinary(buffer) {
   if (header < HEADER_BYTES) fail(`byte 4: a header of ${header} bytes; it has at least ${HEADER_BYTES}`);
   const prefixes = view.getUint16(116, true);
   const count = view.getUint16(118, true);
-  if (prefixes > MAX_LIGHTS) fail(`byte 116: ${prefixes} prefix errors; at most ${MAX_LIGHTS} are read`);
+  if (prefixes > MAX_PREFIX_ERRORS) fail(`byte 116: ${prefixes} prefix errors; at most ${MAX_PREFIX_ERRORS} are read`);
   if (count > MAX_LIGHTS) fail(`byte 118: ${count} lights; at most ${MAX_LIGHTS} are read`);
   const wanted = header + PREFIX_ERROR_BYTES * prefixes + LIGHT_BYTES * count;
   if (length !== wanted) {
@@ -102,7 +112,7 @@ export function decodeBinary(buffer) {
 
   const captured = (view.getUint16(6, true) & 1) === 1;
   const brightest = view.getFloat32(112, true);
-  if (!(brightest >= 0 && brightest <= MOST_IRRADIANCE)) fail("byte 112: the brightest is not from 0 to 1e30");
+  if (!isNumber(brightest, MOST_IRRADIANCE)) fail("byte 112: the brightest is not from 0 to 1e30");
   const int64 = (byte) => Number(view.getBigInt64(byte, true));
   const uint64 = (byte) => Number(view.getBigUint64(byte, true));
   const list = {
@@ -166,24 +176,29 @@ export function decodeJson(text) {
 
 /** The list that a JSON object is. */
 function read(list) {
-  if (list.version !== 1) fail(`is of version ${list.version}; this client reads version 1`);
+  if (list.version !== 1) fail("version: is not 1, which this client reads");
   if (!Array.isArray(list.lights)) fail("lights: is no array");
-  if (list.lights.length > MAX_LIGHTS) fail(`${list.lights.length} lights; at most ${MAX_LIGHTS} are read`);
+  if (list.lights.length > MAX_LIGHTS) fail(`lights: ${list.lights.length} of them; at most ${MAX_LIGHTS} are read`);
   list.prefix_errors ??= [];
   if (!Array.isArray(list.prefix_errors)) fail("prefix_errors: is no array");
+  if (list.prefix_errors.length > MAX_PREFIX_ERRORS) {
+    fail(`prefix_errors: ${list.prefix_errors.length} of them; at most ${MAX_PREFIX_ERRORS} are read`);
+  }
   const stream = list.stream;
   if (stream === null || typeof stream !== "object") fail("stream: is no object");
-  if (!Number.isFinite(stream.sent_utc_ns)) fail("stream.sent_utc_ns: is no number");
-  if (!Number.isFinite(stream.sent_monotonic_ns)) fail("stream.sent_monotonic_ns: is no number");
-  for (const key of ["capture_monotonic_ns", "capture_utc_ns"]) {
-    if (stream[key] !== null && !Number.isFinite(stream[key])) fail(`stream.${key}: is neither a number nor null`);
+  for (const key of ["sent_monotonic_ns", "sent_utc_ns"]) {
+    if (!isTime(stream[key])) fail(`stream.${key}: is no time`);
   }
-  if (!isCount(stream.lost)) fail("stream.lost: is no count");
+  for (const key of ["capture_monotonic_ns", "capture_utc_ns"]) {
+    if (stream[key] !== null && !isTime(stream[key])) fail(`stream.${key}: is neither a time nor null`);
+  }
+  if (!isCount(stream.lost, MOST_U64)) fail("stream.lost: is no count");
   return checked(list);
 }
 
 /** A JSON object. */
 function parsed(text) {
+  if (text.length > MAX_CHARACTERS) fail(`has more than ${MAX_CHARACTERS} characters`);
   let object = null;
   try {
     object = JSON.parse(text);
@@ -194,29 +209,33 @@ function parsed(text) {
   return object;
 }
 
-const isCount = (value) => Number.isInteger(value) && value >= 0;
+const isNumber = (value, most) => typeof value === "number" && value >= 0 && value <= most;
+const isCount = (value, most) => Number.isInteger(value) && isNumber(value, most);
+const isTime = (value) => Number.isInteger(value) && Math.abs(value) <= MOST_TIME_NS;
 const isTriple = (value, most) =>
-  Array.isArray(value) && value.length === 3 && value.every((part) => part >= 0 && part <= most);
+  Array.isArray(value) && value.length === 3 && value.every((part) => isNumber(part, most));
 
 /** The list, when its numbers can be those of a list. */
 function checked(list) {
-  for (const key of ["sequence", "lost_before", "filter_delay_frames"]) {
-    if (!isCount(list[key])) fail(`${key}: is no count`);
-  }
-  for (const key of ["capture_time_ns", "frame_rate_hz", "error"]) {
-    if (!Number.isFinite(list[key])) fail(`${key}: is no number`);
+  for (const key of ["sequence", "lost_before"]) if (!isCount(list[key], MOST_U64)) fail(`${key}: is no count`);
+  if (!isCount(list.filter_delay_frames, MOST_U32)) fail("filter_delay_frames: is no count");
+  if (!isTime(list.capture_time_ns)) fail("capture_time_ns: is no time");
+  for (const key of ["frame_rate_hz", "error"]) {
+    if (!isNumber(list[key], Number.MAX_VALUE)) fail(`${key}: is no number from 0 on`);
   }
   if (!isTriple(list.power, MOST_POWER)) fail("power: is not three numbers from 0 to 1e36");
   for (const pair of list.prefix_errors) {
-    const sound = Array.isArray(pair) && pair.length === 2 && isCount(pair[0]) && Number.isFinite(pair[1]);
-    if (!sound) fail("prefix_errors: is not pairs of a count and an error");
+    const isPair = Array.isArray(pair) && pair.length === 2;
+    if (!isPair || !isCount(pair[0], MOST_U32) || !isNumber(pair[1], Number.MAX_VALUE)) {
+      fail("prefix_errors: is not pairs of a count and an error from 0 on");
+    }
   }
   const ids = new Set();
   list.lights.forEach((light, number) => {
     const where = `light ${number}:`;
     if (light === null || typeof light !== "object") fail(`${where} is no object`);
     const { id, direction, irradiance, spread_rad } = light;
-    if (!isCount(id)) fail(`${where} its id is no count`);
+    if (!isCount(id, MOST_U32)) fail(`${where} its id is no count`);
     if (ids.has(id)) fail(`${where} a light before it has the id ${id}`);
     ids.add(id);
     const numbers = Array.isArray(direction) && direction.length === 3 && direction.every(Number.isFinite);
@@ -224,7 +243,7 @@ function checked(list) {
       fail(`${where} its direction is no unit vector`);
     }
     if (!isTriple(irradiance, MOST_IRRADIANCE)) fail(`${where} its irradiance is not from 0 to 1e30`);
-    if (!(spread_rad >= 0 && spread_rad <= MOST_SPREAD_RAD)) fail(`${where} its spread_rad is no angle from 0 to pi`);
+    if (!isNumber(spread_rad, MOST_SPREAD_RAD)) fail(`${where} its spread_rad is no angle from 0 to pi`);
   });
   return list;
 }
@@ -238,23 +257,31 @@ function fail(what) {
  *
  * Events, each a `CustomEvent`: `list` with a {@link LightList}, `state` with a {@link State}, `answer` with what the
  * server says to a subscription (`{subscribed: {...}}` or `{error: "..."}`), and `fault` with an `Error` for a message
- * that cannot be read, after which the connection is closed and tried again.
+ * that cannot be read, after which the connection is closed and tried again. A server that is silent is asked whether it
+ * is there, by the subscription once more, and given up when it does not answer that either.
  */
 export class LightcastClient extends EventTarget {
   #url;
   #format;
   #token;
   #subscription;
+  /** The last one that the server took: one that it does not take is not asked for again. */
+  #agreed;
+  /** What the server has yet to answer, and whether anybody wants to know. */
+  #unanswered = [];
   #delays;
   #socket = null;
   #timer = null;
   #attempts = 0;
   #openedAt = 0;
+  /** When the server last said anything, or was asked to, and whether it was asked since. */
+  #heardAt = 0;
+  #isAsked = false;
   /** @type {State} */
   #state = { state: "closed", reason: "not connected yet", retry_ms: null };
 
   /**
-   * @param {string | URL} url such as `ws://127.0.0.1:8080/ws`
+   * @param {string | URL} url such as `ws://127.0.0.1:7300/ws`
    * @param {object} [options]
    * @param {"binary" | "json"} [options.format] default: binary
    * @param {string | null} [options.token] where the server asks for one
@@ -305,17 +332,18 @@ export class LightcastClient extends EventTarget {
   }
 
   /**
-   * Asks for something else; an `answer` says whether the server takes it. While there is no connection the next one
-   * begins with it.
+   * Asks for something else; an `answer` says whether the server takes it, and if not all stays as it was. While there
+   * is no connection the next one begins with it.
    *
    * @param {Subscription} subscription replaces the whole of the one before
    */
   subscribe(subscription) {
     this.#subscription = { ...subscription };
-    if (this.#state.state === "open") this.#ask();
+    if (this.#state.state === "open") this.#ask(true);
   }
 
-  #ask() {
+  #ask(isTold) {
+    this.#unanswered.push({ subscription: this.#subscription, isTold });
     this.#socket.send(JSON.stringify({ subscribe: this.#subscription }));
   }
 
@@ -324,7 +352,14 @@ export class LightcastClient extends EventTarget {
     for (const [key, value] of Object.entries(this.#subscription)) url.searchParams.set(key, String(value));
     const protocols = [this.#format === "binary" ? BINARY : JSON_TEXT];
     if (this.#token !== null) protocols.push(TOKEN_PREFIX + this.#token);
-    const socket = new WebSocket(url.href, protocols);
+    let socket;
+    try {
+      socket = new WebSocket(url.href, protocols);
+    } catch (error) {
+      // Not allowed from this page, no address of a WebSocket, or no WebSockets here: so it would be the next time.
+      this.#tell("closed", error.message, null);
+      return;
+    }
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     const mine = (act) => (event) => {
@@ -335,9 +370,13 @@ export class LightcastClient extends EventTarget {
     let wasOpen = false;
     socket.addEventListener("open", mine(() => {
       wasOpen = true;
-      this.#openedAt = Date.now();
+      this.#openedAt = this.#heardAt = performance.now();
+      this.#isAsked = false;
+      this.#agreed = asked;
+      this.#unanswered = [];
+      this.#watch();
       // Asked for since the attempt began.
-      if (this.#subscription !== asked) this.#ask();
+      if (this.#subscription !== asked) this.#ask(true);
       this.#tell("open", "", null);
     }));
     socket.addEventListener("message", mine(({ data }) => this.#take(data)));
@@ -349,7 +388,27 @@ export class LightcastClient extends EventTarget {
     this.#tell("connecting", "", null);
   }
 
+  /**
+   * A connection that broke where nobody says so is silent for ever, and browsers keep the server's pings to themselves.
+   * Timers of a page that nobody sees are late, and those of a device that slept: nobody is given up who was not asked.
+   */
+  #watch() {
+    const left_ms = this.#heardAt + PATIENCE_MS - performance.now();
+    if (left_ms <= 0 && this.#isAsked) {
+      this.#leave("the server is silent", "silent");
+      return;
+    }
+    if (left_ms <= 0) {
+      this.#heardAt = performance.now();
+      this.#isAsked = true;
+      this.#ask(false);
+    }
+    this.#timer = setTimeout(() => this.#watch(), left_ms > 0 ? left_ms : PATIENCE_MS);
+  }
+
   #take(data) {
+    this.#heardAt = performance.now();
+    this.#isAsked = false;
     try {
       if (typeof data !== "string") {
         this.#emit("list", decodeBinary(data));
@@ -357,20 +416,33 @@ export class LightcastClient extends EventTarget {
       }
       const message = parsed(data);
       if ("lights" in message) this.#emit("list", read(message));
-      else this.#emit("answer", message);
+      else this.#answered(message);
     } catch (error) {
-      const socket = this.#socket;
-      this.#lose(error.message);
-      socket?.close(4000, "unreadable message");
+      this.#leave(error.message, "unreadable message");
       this.#emit("fault", error);
     }
+  }
+
+  #answered(message) {
+    const { subscription, isTold } = this.#unanswered.shift() ?? { subscription: this.#agreed, isTold: true };
+    if (!("error" in message)) this.#agreed = subscription;
+    else if (this.#subscription === subscription) this.#subscription = this.#agreed;
+    if (isTold) this.#emit("answer", message);
+  }
+
+  /** Leaves a connection of which nothing more is expected, with a word to the server, and comes again. */
+  #leave(reason, word) {
+    const socket = this.#socket;
+    this.#lose(reason);
+    socket.close(4000, word);
   }
 
   /** Closed by somebody else: again after a while, the longer the more often it happens. */
   #lose(reason) {
     // A connection that held shows that the server takes us.
-    if (this.#state.state === "open" && Date.now() - this.#openedAt > this.#delays.max) this.#attempts = 0;
+    if (this.#state.state === "open" && performance.now() - this.#openedAt > this.#delays.max) this.#attempts = 0;
     this.#socket = null;
+    clearTimeout(this.#timer);
     const longest = Math.min(this.#delays.max, this.#delays.min * 2 ** this.#attempts);
     // Half of it by chance, so that the clients of a server that comes back do not come all at once.
     const delay = longest * (0.5 + 0.5 * Math.random());

@@ -4,7 +4,7 @@
 
     import lightcast
 
-    for lights in lightcast.Stream("ws://127.0.0.1:8080/ws", lights=64):
+    for lights in lightcast.Stream("ws://127.0.0.1:7300/ws", lights=64):
         print(lights.sequence, lights.power, lights.age_s())
 
 `Stream` connects, and connects again when the connection is lost; `decode_binary` and `decode_json` take single
@@ -359,7 +359,11 @@ class Stream:
             try:
                 if self._connection is None:
                     self._connect()
+                    if self._closed.is_set():
+                        break  # `close` found no connection yet
                 message = self._connection.recv()
+                if self._closed.is_set():
+                    break  # a list that had come before `close`
             except (ssl.SSLCertVerificationError, InvalidURI):
                 raise
             except (OSError, WebSocketException) as fault:

@@ -1,7 +1,7 @@
 //! The Python client, `clients/lightcast.py`: its own tests, in a virtual environment.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
@@ -50,14 +50,16 @@ fn run(program: &Path, arguments: &[&str]) -> Result<(), String> {
     Err(said.trim_end().lines().last().unwrap_or("it fails and says nothing").to_owned())
 }
 
+fn skip(why: &str) {
+    // Not eprintln!, which the test harness swallows when a test passes.
+    let _ = writeln!(std::io::stderr(), "skipped: Python client: {why}");
+}
+
 #[test]
 fn the_python_client_passes_its_tests() {
     let python = match python() {
         Ok(python) => python,
-        Err(why) => {
-            eprintln!("skipped: {why}");
-            return;
-        }
+        Err(why) => return skip(&why),
     };
     let output = Command::new(python)
         .args(["-W", "error::DeprecationWarning"])
@@ -87,10 +89,7 @@ impl Drop for Guard {
 fn the_python_client_takes_lists_from_the_program() {
     let python = match python() {
         Ok(python) => python,
-        Err(why) => {
-            eprintln!("skipped: {why}");
-            return;
-        }
+        Err(why) => return skip(&why),
     };
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut server = Command::new(env!("CARGO_BIN_EXE_lightcast"));

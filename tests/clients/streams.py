@@ -60,6 +60,19 @@ class Server:
             self.fault = fault
 
 
+class Late(Server):
+    """A server that answers a client when it is let."""
+
+    def __init__(self, *handlers):
+        super().__init__(*handlers)
+        self.asked, self.answers = threading.Event(), threading.Event()
+
+    def _request(self, connection, request):
+        self.asked.set()
+        self.answers.wait(10)
+        return super()._request(connection, request)
+
+
 def numbered(sequence):
     return BIN[:48] + struct.pack("<Q", sequence) + BIN[56:]
 
@@ -226,6 +239,21 @@ class Streams(unittest.TestCase):
         self.assertEqual(list(stream), [])
         closer.join()
 
+    def test_close_while_it_connects_ends_the_iteration(self):
+        def silent(connection):
+            connection.recv()
+
+        for handler in (silent, send_from(0)):
+            with Late(handler) as server:
+                stream, got = lightcast.Stream(server.url), []
+                reader = threading.Thread(target=lambda: got.extend(stream), daemon=True)
+                reader.start()
+                self.assertTrue(server.asked.wait(10))
+                stream.close()
+                server.answers.set()
+                reader.join(10)
+                self.assertEqual((reader.is_alive(), got), (False, []))
+
     def test_a_slow_reader_leaves_lists_at_the_server(self):
         # With a header as long as can be, so that a hundred of them fill the buffers of all sockets.
         long = BIN[:4] + struct.pack("<H", 65_000) + BIN[6:120] + bytes(65_000 - 120) + BIN[120:]
@@ -245,9 +273,9 @@ class Streams(unittest.TestCase):
             next(stream)
 
     def test_arguments_that_no_server_takes_are_told_at_once(self):
-        for url in ("", "http://localhost/ws", "ws:///ws", "localhost:8080", "ws://localhost:99999/ws"):
+        for url in ("", "http://localhost/ws", "ws:///ws", "localhost:7300", "ws://localhost:99999/ws"):
             self.assertRaises(ValueError, lightcast.Stream, url)
-        url = "ws://localhost:8080/ws"
+        url = "ws://localhost:7300/ws"
         for keys in (
             {"lights": 0},
             {"lights": 16_385},

@@ -1,7 +1,7 @@
 """Tests of clients/lightcast.py: its decoders against the golden message, its stream against a server in this process.
 
     python tests/clients/test_lightcast.py
-    python tests/clients/test_lightcast.py --url ws://127.0.0.1:8080/ws --count 10 [--token T] [--json] [--lights 8 ...]
+    python tests/clients/test_lightcast.py --url ws://127.0.0.1:7300/ws --count 10 [--token T] [--json] [--lights 8 ...]
 
 With --url it connects to a running server instead and prints a line of JSON for each of --count lists.
 """

@@ -147,17 +147,43 @@ async fn least_error(browser: &Browser) -> f64 {
     least
 }
 
-/// The message that pins the protocol is what its JSON says; one that is cut short is refused; lists come as JSON too.
+/// What is wrong in bytes of the message that pins the protocol, and what the client says of it.
+fn malformed(golden: &[u8]) -> Vec<(Vec<u8>, &'static str)> {
+    let patches: [(usize, &[u8], &str); 10] = [
+        (0, b"l", "byte 0: does not begin with LCL"),
+        (3, &[2], "byte 3: is of version 2"),
+        (116, &[65], "byte 116: 65 prefix errors"),
+        (118, &16_385_u16.to_le_bytes(), "byte 118: 16385 lights"),
+        (72, &(-25.0_f64).to_le_bytes(), "frame_rate_hz: is no number from 0 on"),
+        (80, &f64::NAN.to_le_bytes(), "power: is not three numbers"),
+        (108, &(-0.5_f32).to_le_bytes(), "error: is no number from 0 on"),
+        (112, &f32::NAN.to_le_bytes(), "byte 112: the brightest is not from 0"),
+        (124, &(-0.5_f32).to_le_bytes(), "prefix_errors: is not pairs of a count and an error from 0 on"),
+        (174, &[0, 0], "light 1: a light before it has the id 0"),
+    ];
+    let patched = |(byte, patch, fault): (usize, &[u8], _)| {
+        let mut bytes = golden.to_vec();
+        bytes[byte..byte + patch.len()].copy_from_slice(patch);
+        (bytes, fault)
+    };
+    patches.map(patched).into()
+}
+
+/// The message that pins the protocol is what its JSON says; one that is cut short is refused, and one that cannot be;
+/// lists come as JSON too.
 async fn the_client_reads_messages(browser: &Browser) {
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
     let bytes = std::fs::read(golden.join("message.bin")).unwrap();
     let text = std::fs::read_to_string(golden.join("message.json")).unwrap();
-    let script = "const [bytes, text, done] = arguments; (async () => { \
+    let malformed = malformed(&bytes);
+    let script = "const [bytes, text, malformed, done] = arguments; (async () => { \
         const { LightcastClient, decodeBinary, decodeJson } = await import('/lightcast.js'); \
         const { buffer } = new Uint8Array(bytes); \
         let faults = 0; \
         for (let length = 0; length < bytes.length; length++) { \
             try { decodeBinary(buffer.slice(0, length)); } catch { faults++; } } \
+        const told = malformed.map((bytes) => { \
+            try { decodeBinary(new Uint8Array(bytes).buffer); return ''; } catch ({ message }) { return message; } }); \
         const url = new URL('/ws', location.href); url.protocol = 'ws:'; \
         const client = new LightcastClient(url, { format: 'json', subscription: { lights: 3 } }); \
         const list = await new Promise((come) => { \
@@ -165,14 +191,20 @@ async fn the_client_reads_messages(browser: &Browser) {
         const answer = await new Promise((come) => { \
             client.addEventListener('answer', ({ detail }) => come(detail)); client.subscribe({ lights: 2 }); }); \
         client.close(); \
-        return { binary: decodeBinary(buffer), json: decodeJson(text), faults, list, answer, state: client.state.state }; \
+        return { binary: decodeBinary(buffer), json: decodeJson(text), faults, told, list, answer, \
+            state: client.state.state }; \
         })().then(done, (error) => done(String(error)))";
-    let found = browser.client.execute_async(script, vec![json!(bytes), json!(text)]).await.unwrap();
+    let inputs: Vec<_> = malformed.iter().map(|(bytes, _)| bytes).collect();
+    let arguments = vec![json!(bytes), json!(text), json!(inputs)];
+    let found = browser.client.execute_async(script, arguments).await.unwrap();
     assert!(found.is_object(), "{found}");
     let expected: Value = serde_json::from_str(&text).unwrap();
     same(&found["json"], &expected, "json");
     same(&found["binary"], &expected, "binary");
     assert_eq!(found["faults"], bytes.len());
+    for (told, (_, fault)) in found["told"].as_array().unwrap().iter().zip(&malformed) {
+        assert!(told.as_str().unwrap().contains(fault), "{told} is not {fault}");
+    }
     assert_eq!(found["list"]["lights"].as_array().unwrap().len(), 3);
     assert_eq!(found["answer"]["subscribed"]["lights"], 2);
     assert_eq!(found["state"], "closed");

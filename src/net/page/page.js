@@ -77,13 +77,15 @@ client.addEventListener("state", ({ detail: { state, retry_ms } }) => {
 
 client.addEventListener("list", ({ detail }) => {
   const now = performance.now();
+  // Of lists that did not come nobody says what was lost before them: numbers that are missing are lists that this
+  // connection was too slow for, or frames. (It asks for all lists; a lower rate would leave out others.)
+  if (fresh) lostFrames += Math.max(0, detail.sequence - list.sequence - 1 - detail.stream.lost);
   list = detail;
   fresh = true;
   changed = true;
   arrivals.push(now);
   if (arrivals.length > RATE_LISTS) arrivals.shift();
   lostLists += list.stream.lost;
-  lostFrames += list.lost_before;
   age.take(list.stream);
   map.setLights(list.lights);
   scene.setLights(list.lights);
@@ -115,7 +117,7 @@ function showState() {
   } else if (state === "closed") {
     const seconds = Math.max(0, Math.ceil((retryAt - performance.now()) / 1e3));
     text = `disconnected: ${reason}`;
-    wait = `next attempt in ${seconds} s`;
+    if (client.state.retry_ms !== null) wait = `next attempt in ${seconds} s`;
   } else if (state === "open" && !fresh) {
     [name, text] = ["waiting", "connected, waiting for the first list"];
   } else if (state === "open" && since > Math.max(SILENT_MS, 3 * interval())) {
