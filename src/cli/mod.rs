@@ -16,6 +16,7 @@ mod report_pictures;
 mod report_speed;
 mod resolution;
 mod run;
+mod serving;
 mod signals;
 mod synthesize;
 mod systemd;

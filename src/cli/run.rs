@@ -1,9 +1,10 @@
 use super::messages::PROGRESS;
+use super::serving::Serving;
 use super::signals::SignalWatch;
 use super::systemd::Watchdog;
 use crate::config::Config;
-use crate::error::{Error, Kind, Result};
-use crate::net::{Board, Server, ServerOptions};
+use crate::error::{Error, Result};
+use crate::net::{Board, Server};
 use crate::rt::Shutdown;
 use crate::service::{Copies, Output, Pictures, RecordOptions, Service, Summary};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -41,7 +42,7 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 pub(super) struct Arguments {
     /// Configuration file (TOML); config/replay.toml and config/camera.toml explain every key.
     #[arg(long, short, value_name = "FILE")]
-    config: PathBuf,
+    pub config: PathBuf,
 
     /// Write the light lists to this file instead of standard output [default with --listen: nowhere].
     #[arg(long, short, value_name = "FILE")]
@@ -59,7 +60,7 @@ pub(super) struct Arguments {
     /// Record the frames, as they are captured, into this new folder. A slow disk loses recorded frames, never live
     /// ones.
     #[arg(long, value_name = "DIR")]
-    record: Option<PathBuf>,
+    pub record: Option<PathBuf>,
 
     /// Stream the lists to clients that connect here. Names of this machine only (127.0.0.1, localhost) keep others out;
     /// [server] in the configuration says who may connect.
@@ -87,7 +88,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let board = Arc::new(Board::default());
     let server = Server::start(address, &board, config.server_options()?, &shutdown)?;
     tracing::info!("listening on http://{}/", server.address());
-    let mut serving = Serving {
+    let served = Serving {
         arguments,
         signals: &signals,
         shutdown: &shutdown,
@@ -95,9 +96,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         server: &server,
         output: OutputFile::new(arguments),
         watchdog: Watchdog::new(),
-    };
-    let served = serving.serve(config);
-    serving.watchdog.stopping();
+    }
+    .serve(config);
     served.and(server.stop())
 }
 
@@ -110,148 +110,13 @@ fn allow_many_connections() {
 }
 
 /// Pictures, a recording and the clients of a server.
-fn copies(arguments: &Arguments, record: Option<PathBuf>, board: Option<&Arc<Board>>) -> Copies {
+pub(super) fn copies(arguments: &Arguments, record: Option<PathBuf>, board: Option<&Arc<Board>>) -> Copies {
     let pictures = arguments
         .pictures
         .as_ref()
         .map(|folder| Pictures { folder: folder.clone(), every: arguments.picture_every });
     let recording = record.map(|folder| RecordOptions { folder, ..RecordOptions::default() });
     Copies { pictures, recording, board: board.cloned(), ..Copies::default() }
-}
-
-/// A service with a server, whose configuration can be taken anew.
-struct Serving<'a> {
-    arguments: &'a Arguments,
-    signals: &'a SignalWatch,
-    shutdown: &'a Shutdown,
-    board: &'a Arc<Board>,
-    server: &'a Server,
-    output: OutputFile<'a>,
-    watchdog: Watchdog,
-}
-
-impl Serving<'_> {
-    /// Runs services until one ends by itself or the program is to end.
-    fn serve(&mut self, mut config: Config) -> Result<()> {
-        let mut record = self.arguments.record.clone();
-        // Until a service has started with the newest configuration, the one before can be gone back to.
-        let mut before = None;
-        let mut service = self.start(&config, record.clone())?;
-        loop {
-            let Some(next) = self.run(service)? else { return Ok(()) };
-            before = Some(std::mem::replace(&mut config, next.config)).or(before);
-            record = self.arguments.record.as_deref().map(next_folder);
-            service = match self.start(&config, record.clone()) {
-                Ok(service) => {
-                    self.server.set_options(next.options);
-                    service
-                }
-                Err(error) => {
-                    tracing::error!("the new configuration does not work, back to the one before: {error}");
-                    if let Some(before) = before.take() {
-                        config = before;
-                    }
-                    match self.start_as_before(&config, record.clone())? {
-                        Some(service) => service,
-                        None => return Ok(()),
-                    }
-                }
-            };
-        }
-    }
-
-    fn start(&mut self, config: &Config, record: Option<PathBuf>) -> Result<(Service, Shutdown)> {
-        let ending = Shutdown::new();
-        let copies = copies(self.arguments, record, Some(self.board));
-        Ok((Service::start(config, || self.output.open(), copies, &ending)?, ending))
-    }
-
-    /// Starts with a configuration that has worked: if it does not now, a device is away, and is waited for. `None`: the
-    /// program is to end.
-    fn start_as_before(
-        &mut self,
-        config: &Config,
-        record: Option<PathBuf>,
-    ) -> Result<Option<(Service, Shutdown)>> {
-        let mut wait = Duration::from_millis(250);
-        loop {
-            match self.start(config, record.clone()) {
-                Ok(started) => return Ok(Some(started)),
-                Err(error) if error.kind() == Kind::Usage => return Err(error),
-                Err(error) => tracing::warn!("{error}; trying again in {} s", wait.as_secs_f64()),
-            }
-            if self.shutdown.wait(wait) {
-                return Ok(None);
-            }
-            wait = (2 * wait).min(LONGEST_WAIT);
-        }
-    }
-
-    /// Runs one service until its end; what to go on with, if there is anything.
-    fn run(&mut self, (service, ending): (Service, Shutdown)) -> Result<Option<Next>> {
-        let mut next = None;
-        let summary = service.summary().with(self.server.metrics().clone());
-        let outcome = watch(service, &summary, "lists", Summary::lists_published, |summary| {
-            if next.is_none() {
-                self.watchdog.see(summary);
-            }
-            if self.shutdown.is_aborted() {
-                ending.abort();
-            } else if self.shutdown.is_requested() {
-                ending.request();
-            } else if next.is_none() && self.signals.take_hangup() {
-                self.watchdog.reloading();
-                match self.reload() {
-                    Ok(reloaded) => {
-                        tracing::info!("{}: taken anew", self.arguments.config.display());
-                        next = Some(reloaded);
-                        self.watchdog.starts_anew();
-                        ending.request();
-                    }
-                    Err(error) => {
-                        tracing::error!("the configuration is not taken, the old one stays: {error}");
-                        self.watchdog.stays();
-                    }
-                }
-            }
-        });
-        match (outcome, next) {
-            (outcome, None) => outcome.map(|()| None),
-            (Ok(()), next) => Ok(next.filter(|_| !self.shutdown.is_requested())),
-            // What has gone wrong before is over with the service that it went wrong in.
-            (Err(error), next) => {
-                tracing::error!("the service before has ended with an error: {error}");
-                Ok(next.filter(|_| !self.shutdown.is_requested()))
-            }
-        }
-    }
-
-    /// The configuration as its file is now, if a service could run with it.
-    fn reload(&self) -> Result<Next> {
-        let config = Config::load(&self.arguments.config)?;
-        let options = config.server_options()?;
-        Service::check(&config)?;
-        Ok(Next { config, options })
-    }
-}
-
-/// What a service is started anew with.
-struct Next {
-    config: Config,
-    options: ServerOptions,
-}
-
-/// Longest wait between two attempts to start with a configuration that has worked.
-const LONGEST_WAIT: Duration = Duration::from_secs(8);
-
-/// Where a service that was started anew records: FOLDER-2, FOLDER-3, ..., the first that is free.
-fn next_folder(folder: &Path) -> PathBuf {
-    let numbered = |number: u64| {
-        let mut name = folder.as_os_str().to_owned();
-        name.push(format!("-{number}"));
-        PathBuf::from(name)
-    };
-    (2..).map(numbered).find(|folder| !folder.exists()).expect("numbers do not end before folders do")
 }
 
 /// Shows the progress of a service until it ends, then its summary. `count` counts the `things` of its progress; `watch`
@@ -275,7 +140,7 @@ pub(super) fn watch(
 }
 
 /// Where the lists go: made by the first service that starts, gone on with by those after it.
-struct OutputFile<'a> {
+pub(super) struct OutputFile<'a> {
     path: Option<&'a Path>,
     /// Lists that clients get are written only where that is asked for.
     is_streamed: bool,
@@ -287,7 +152,7 @@ impl<'a> OutputFile<'a> {
         Self { path: arguments.output.as_deref(), is_streamed: arguments.listen.is_some(), file: None }
     }
 
-    fn open(&mut self) -> Result<Output> {
+    pub fn open(&mut self) -> Result<Output> {
         let Some(path) = self.path else {
             return Ok(if self.is_streamed {
                 Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() }

@@ -31,6 +31,10 @@ fn sighup_takes_a_good_configuration_and_clients_stay() {
     let output = recording.path().join("lists.jsonl");
     let mut command = recording.command();
     command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&output);
+    // What somebody else has left there is not touched.
+    let recorded = |name: &str| recording.path().join(name);
+    fs::create_dir(recorded("frames-2")).unwrap();
+    command.arg("--record").arg(recorded("frames"));
     let mut running = Running::start(&mut command);
     let mut socket = client(&running);
     assert_eq!(light_count(&mut socket), 24);
@@ -53,6 +57,11 @@ fn sighup_takes_a_good_configuration_and_clients_stay() {
     wait_until(|| light_count(&mut socket) == 12);
     assert_eq!(get(running.address, "/readyz", &[]).0, 200);
     running.end();
+    for (name, is_recording) in
+        [("frames", true), ("frames-2", false), ("frames-3", true), ("frames-4", false)]
+    {
+        assert_eq!(recorded(name).join("recording.json").exists(), is_recording, "{name}");
+    }
     let lines = fs::read_to_string(&output).unwrap();
     let counts: Vec<usize> = lines.lines().map(|line| line.matches("\"id\"").count()).collect();
     assert!(counts.contains(&24) && counts.ends_with(&[12]), "one file for both: {counts:?}");

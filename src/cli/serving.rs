@@ -1,0 +1,150 @@
+//! `run --listen`: a service whose configuration can be taken anew (SIGHUP) while its clients stay connected.
+
+use super::run::{Arguments, OutputFile, copies, watch};
+use super::signals::SignalWatch;
+use super::systemd::Watchdog;
+use crate::config::Config;
+use crate::error::Result;
+use crate::net::{Board, Server, ServerOptions};
+use crate::rt::Shutdown;
+use crate::service::{Service, Summary};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A service with a server, whose configuration can be taken anew.
+pub(super) struct Serving<'a> {
+    pub arguments: &'a Arguments,
+    pub signals: &'a SignalWatch,
+    pub shutdown: &'a Shutdown,
+    pub board: &'a Arc<Board>,
+    pub server: &'a Server,
+    pub output: OutputFile<'a>,
+    pub watchdog: Watchdog,
+}
+
+impl Serving<'_> {
+    /// Runs services until one ends by itself or the program is to end.
+    ///
+    /// # Errors
+    /// When the first cannot start, and when one fails.
+    pub fn serve(mut self, mut config: Config) -> Result<()> {
+        let mut service = self.start(&config, self.arguments.record.clone())?;
+        while let Some(next) = self.run(service)? {
+            let before = std::mem::replace(&mut config, next.config);
+            let record = self.arguments.record.as_deref().map(next_folder);
+            service = match self.start(&config, record.clone()) {
+                Ok(service) => {
+                    self.server.set_options(next.options);
+                    service
+                }
+                Err(error) => {
+                    tracing::error!("the new configuration does not work, back to the one before: {error}");
+                    config = before;
+                    let Some(service) = self.start_as_before(&mut config, record.as_deref()) else { break };
+                    service
+                }
+            };
+        }
+        self.watchdog.stopping();
+        Ok(())
+    }
+
+    fn start(&mut self, config: &Config, record: Option<PathBuf>) -> Result<(Service, Shutdown)> {
+        let ending = Shutdown::new();
+        let copies = copies(self.arguments, record, Some(self.board));
+        Ok((Service::start(config, || self.output.open(), copies, &ending)?, ending))
+    }
+
+    /// Starts with a configuration that has worked: if it does not now, a device is away, and is waited for; SIGHUP can
+    /// bring another. `None`: the program is to end.
+    fn start_as_before(&mut self, config: &mut Config, record: Option<&Path>) -> Option<(Service, Shutdown)> {
+        let mut wait = FIRST_WAIT;
+        loop {
+            match self.start(config, record.map(Path::to_owned)) {
+                Ok(started) => return Some(started),
+                Err(error) => tracing::warn!("{error}; trying again in {} s", wait.as_secs_f64()),
+            }
+            if self.shutdown.wait(wait) {
+                return None;
+            }
+            wait = (2 * wait).min(LONGEST_WAIT);
+            if self.signals.take_hangup() {
+                match self.reload() {
+                    Ok(next) => {
+                        *config = next.config;
+                        self.server.set_options(next.options);
+                    }
+                    Err(error) => tracing::error!("the configuration is not taken: {error}"),
+                }
+            }
+        }
+    }
+
+    /// Runs one service until its end; what to go on with, if there is anything.
+    fn run(&mut self, (service, ending): (Service, Shutdown)) -> Result<Option<Next>> {
+        let mut next = None;
+        let summary = service.summary().with(self.server.metrics().clone());
+        let outcome = watch(service, &summary, "lists", Summary::lists_published, |summary| {
+            if next.is_none() {
+                self.watchdog.see(summary);
+            }
+            if self.shutdown.is_aborted() {
+                ending.abort();
+            } else if self.shutdown.is_requested() {
+                ending.request();
+            } else if next.is_none() && self.signals.take_hangup() {
+                self.watchdog.reloading();
+                match self.reload() {
+                    Ok(reloaded) => {
+                        tracing::info!("{}: taken anew", self.arguments.config.display());
+                        next = Some(reloaded);
+                        self.watchdog.starts_anew();
+                        ending.request();
+                    }
+                    Err(error) => {
+                        tracing::error!("the configuration is not taken, the old one stays: {error}");
+                        self.watchdog.stays();
+                    }
+                }
+            }
+        });
+        match (outcome, next) {
+            (outcome, None) => outcome.map(|()| None),
+            (Ok(()), next) => Ok(next.filter(|_| !self.shutdown.is_requested())),
+            // What has gone wrong before is over with the service that it went wrong in.
+            (Err(error), next) => {
+                tracing::error!("the service before has ended with an error: {error}");
+                Ok(next.filter(|_| !self.shutdown.is_requested()))
+            }
+        }
+    }
+
+    /// The configuration as its file is now, if a service could run with it.
+    fn reload(&self) -> Result<Next> {
+        let config = Config::load(&self.arguments.config)?;
+        let options = config.server_options()?;
+        Service::check(&config)?;
+        Ok(Next { config, options })
+    }
+}
+
+/// What a service is started anew with.
+struct Next {
+    config: Config,
+    options: ServerOptions,
+}
+
+/// Waits between attempts to start with a configuration that has worked: the first, doubled from time to time, and the last.
+const FIRST_WAIT: Duration = Duration::from_millis(250);
+const LONGEST_WAIT: Duration = Duration::from_secs(8);
+
+/// Where a service that was started anew records: FOLDER-2, FOLDER-3, ..., the first that is free.
+fn next_folder(folder: &Path) -> PathBuf {
+    let numbered = |number: u64| {
+        let mut name = folder.as_os_str().to_owned();
+        name.push(format!("-{number}"));
+        PathBuf::from(name)
+    };
+    (2..).map(numbered).find(|folder| !folder.exists()).expect("numbers do not end before folders do")
+}
