@@ -1,9 +1,13 @@
 //! The JavaScript client, `clients/lightcast.js`, in Node: its own tests, and its example against the program.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
+#[path = "clients/server.rs"]
+mod server;
+
+use server::{Guard, Server};
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
@@ -58,16 +62,6 @@ fn the_javascript_client_passes_its_tests() {
     assert!(said.contains(" fail 0\n") && !said.contains(" pass 0\n"), "{said}");
 }
 
-/// Ends a program when a test does.
-struct Guard(Child);
-
-impl Drop for Guard {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 #[test]
 fn the_javascript_example_prints_lists_of_the_program() {
     let version = match version() {
@@ -77,22 +71,12 @@ fn the_javascript_example_prints_lists_of_the_program() {
     let Some(way) = with_web_sockets() else {
         return skip(&format!("Node {version} has no WebSocket; 20.10 and later have"));
     };
-    let mut server = Command::new(env!("CARGO_BIN_EXE_lightcast"));
-    server.args(["run", "--listen", "127.0.0.1:0", "--config"]).arg(root().join("config/stream.toml"));
-    let server = server.env_remove("RUST_LOG").stdin(Stdio::null()).stderr(Stdio::piped()).spawn();
-    let mut server = Guard(server.unwrap());
-    let mut messages = BufReader::new(server.0.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.contains("listening on http://") {
-        line.clear();
-        assert!(messages.read_line(&mut line).unwrap() > 0, "the server has ended");
-    }
-    let address = line.split_once("http://").unwrap().1.trim_end().trim_end_matches('/');
+    let server = Server::start();
 
     let example = Command::new("node")
         .args(way)
         .arg(root().join("clients/example.mjs"))
-        .arg(format!("ws://{address}/ws"))
+        .arg(&server.url)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::inherit())

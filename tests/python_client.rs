@@ -1,9 +1,13 @@
 //! The Python client, `clients/lightcast.py`: its own tests, in a virtual environment.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
-use std::io::{BufRead, BufReader, Write};
+#[path = "clients/server.rs"]
+mod server;
+
+use server::Server;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 /// Runs on every Python that the client is for, 3.9 and later.
@@ -75,16 +79,6 @@ fn the_python_client_passes_its_tests() {
     assert!(said.contains("\nOK"), "{said}");
 }
 
-/// Ends a program when a test does.
-struct Guard(Child);
-
-impl Drop for Guard {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 #[test]
 fn the_python_client_takes_lists_from_the_program() {
     let python = match python() {
@@ -92,30 +86,11 @@ fn the_python_client_takes_lists_from_the_program() {
         Err(why) => return skip(&why),
     };
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut server = Command::new(env!("CARGO_BIN_EXE_lightcast"));
-    server.args(["run", "--listen", "127.0.0.1:0", "--config"]).arg(root.join("config/stream.toml"));
-    let server = server.env_remove("RUST_LOG").stdin(Stdio::null()).stderr(Stdio::piped()).spawn();
-    let mut server = Guard(server.unwrap());
-    let mut messages = BufReader::new(server.0.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.contains("listening on http://") {
-        line.clear();
-        assert!(messages.read_line(&mut line).unwrap() > 0, "the server has ended");
-    }
-    let address = line.split_once("http://").unwrap().1.trim_end().trim_end_matches('/').to_owned();
+    let server = Server::start();
     for kind in [&[][..], &["--json"]] {
         let output = Command::new(&python)
             .arg(root.join("tests/clients/test_lightcast.py"))
-            .args([
-                "--url",
-                &format!("ws://{address}/ws"),
-                "--count",
-                "20",
-                "--lights",
-                "16",
-                "--queue",
-                "64",
-            ])
+            .args(["--url", &server.url, "--count", "20", "--lights", "16", "--queue", "64"])
             .args(kind)
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .env("NO_PROXY", "*")

@@ -17,6 +17,8 @@ use tokio_tungstenite::tungstenite;
 /// Messages that a client may send at once, and how many more in a second; more is a flood.
 const BURST: f64 = 20.0;
 const MESSAGES_PER_SECOND: f64 = 4.0;
+/// What takes so long to send has waited for the client to take what was before it.
+const WAITED: Duration = Duration::from_millis(100);
 /// Longest wait for a client to take the words with which it is disconnected.
 const FAREWELL: Duration = Duration::from_millis(500);
 
@@ -28,10 +30,10 @@ pub(super) struct Session {
     turn: Turn,
     is_binary: bool,
     patience: Duration,
-    /// When the client last said anything, a pong at least.
+    /// When the client last showed that it is there: by a message, a pong at least, or by taking what had waited for it.
     heard: Instant,
-    /// Messages that it may send now.
-    allowance: f64,
+    /// Messages that it might send at the time that goes with it.
+    allowance: (f64, Instant),
     /// Lists so far.
     sent: u64,
     lost: u64,
@@ -77,7 +79,7 @@ impl Session {
             is_binary,
             patience,
             heard: Instant::now(),
-            allowance: BURST,
+            allowance: (BURST, Instant::now()),
             sent: 0,
             lost: 0,
         }
@@ -167,8 +169,15 @@ impl Session {
     }
 
     async fn send(&mut self, message: Message) -> Result<(), End> {
+        let started = Instant::now();
         match timeout(self.patience, self.socket.send(message)).await {
-            Ok(Ok(())) => Ok(()),
+            Ok(Ok(())) => {
+                // Less than this may be the kernel's buffers alone.
+                if started.elapsed() >= WAITED {
+                    self.heard = Instant::now();
+                }
+                Ok(())
+            }
             Ok(Err(_)) => Err(End::Gone),
             Err(_) => {
                 self.shared.counters.silent.add(1);
@@ -183,10 +192,12 @@ impl Session {
 
     async fn hear(&mut self, message: Message) -> Result<(), End> {
         let now = Instant::now();
-        let since_s = now.duration_since(self.heard).as_secs_f64();
         self.heard = now;
-        self.allowance = (self.allowance + since_s * MESSAGES_PER_SECOND).min(BURST) - 1.0;
-        if self.allowance < 0.0 {
+        let (before, then) = self.allowance;
+        let since_s = now.duration_since(then).as_secs_f64();
+        let allowance = (before + since_s * MESSAGES_PER_SECOND).min(BURST) - 1.0;
+        self.allowance = (allowance, now);
+        if allowance < 0.0 {
             self.shared.counters.floods.add(1);
             return Err(End::Close(close_code::POLICY, "too many messages"));
         }

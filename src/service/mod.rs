@@ -172,7 +172,7 @@ impl Service {
         Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
         LightFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
         camera::calibration(config)?;
-        if let config::Source::Sequence(_) = config.source {
+        if matches!(config.source, config::Source::Sequence(_)) {
             let input = Input::open(config)?;
             camera::frame_to_polar(config, input.format(), input.name())?;
             design(input.format().frame_rate_hz, &config.filter)

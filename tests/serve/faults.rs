@@ -64,6 +64,29 @@ fn a_connection_whose_other_end_is_gone_without_a_word_is_given_up() {
 }
 
 #[test]
+fn a_client_that_stops_reading_for_less_than_the_patience_stays() {
+    let patience = Duration::from_secs(4);
+    let posting = Posting::new(ServerOptions { patience, ..ServerOptions::default() });
+    let mut client = posting.client("");
+    posting.wait_for_clients(1.0);
+    // Twice: the second time it has been silent, though not unmoved, for longer than the patience.
+    for round in 0..2 {
+        posting.post(1000 * round..1000 * round + 600);
+        let started = Instant::now();
+        while started.elapsed() < patience * 3 / 5 {
+            posting.post(1000 * round + 600..1000 * round + 601);
+            Shutdown::new().wait(Duration::from_millis(20));
+        }
+        posting.post(1000 * round + 700..1000 * round + 701);
+        let mut last = 0;
+        while last != 1000 * round + 700 {
+            last = next_json(&mut client)["sequence"].as_u64().unwrap();
+        }
+    }
+    assert_eq!(posting.metric("lightcast_clients"), 1.0);
+}
+
+#[test]
 fn without_the_token_nobody_gets_in_and_nobody_learns_it() {
     let posting = Posting::new(with_token());
     let address = posting.address();
