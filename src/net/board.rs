@@ -34,6 +34,7 @@ struct Lists {
 }
 
 /// A list on the board.
+#[derive(Default)]
 pub(super) struct Post {
     /// How many were posted before it.
     pub number: u64,
@@ -82,12 +83,13 @@ impl Board {
             let number = lists.posts.back().map_or(0, |newest| newest.number + 1);
             let oldest = if lists.posts.len() < QUEUE_MAX as usize { None } else { lists.posts.pop_front() };
             // Nobody is sending it any more, as a rule, and its memory serves again.
-            let mut post = oldest.and_then(Arc::into_inner).unwrap_or_else(Post::empty);
+            let mut slot = oldest.filter(|post| Arc::strong_count(post) == 1).unwrap_or_default();
+            let post = Arc::get_mut(&mut slot).expect("the board alone has it");
             post.number = number;
             post.list.copy_from(list);
             post.capture_monotonic_ns = capture_monotonic_ns;
             post.forms.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
-            lists.posts.push_back(Arc::new(post));
+            lists.posts.push_back(slot);
             lists.posted_at = Some(Instant::now());
         }
         self.next_number.send_modify(|number| *number += 1);
@@ -168,12 +170,6 @@ impl Board {
         let bytes = encoded.is_ok().then(|| Bytes::from(body));
         forms.push(Form { is_binary, light_count, bytes: bytes.clone() });
         bytes
-    }
-}
-
-impl Post {
-    fn empty() -> Self {
-        Self { number: 0, list: LightList::default(), capture_monotonic_ns: None, forms: Mutex::default() }
     }
 }
 
@@ -328,8 +324,12 @@ mod tests {
         }
         let numbers: Vec<u64> = board.look(|posts| posts.iter().map(|post| post.number).collect());
         assert_eq!(numbers, (136..200).collect::<Vec<u64>>());
-        let oldest = board.look(|posts| posts[0].list.lights.as_ptr());
+        let oldest = board.look(|posts| Arc::as_ptr(&posts[0]));
         board.post(&list(200, 4), &CaptureEpoch::default());
-        assert_eq!(board.look(|posts| posts[63].list.lights.as_ptr()), oldest);
+        assert_eq!(board.look(|posts| Arc::as_ptr(&posts[63])), oldest);
+        let sending = board.look(|posts| posts[0].clone());
+        board.post(&list(201, 4), &CaptureEpoch::default());
+        assert_ne!(board.look(|posts| Arc::as_ptr(&posts[63])), Arc::as_ptr(&sending));
+        assert_eq!(sending.list.stamp.sequence, 137, "it stays what it was for who sends it");
     }
 }

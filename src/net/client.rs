@@ -28,6 +28,8 @@ const ASK_EVERY: Duration = Duration::from_secs(5);
 const SILENCE_MAX: Duration = Duration::from_secs(20);
 /// Four lists of 300 lights as bytes.
 const READ_BUFFER_BYTES: usize = 1 << 14;
+/// Longest wait for a server to take a goodbye.
+const FAREWELL: Duration = Duration::from_millis(100);
 /// How often a request to end is looked for.
 const GLANCE: Duration = Duration::from_millis(20);
 
@@ -231,7 +233,12 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                 received = socket.next() => {
                     heard = Instant::now();
                     match received {
-                        Some(Ok(message)) => self.pass_on(&message)?,
+                        Some(Ok(message)) => {
+                            if let Err(end) = self.pass_on(&message) {
+                                let _ = timeout(FAREWELL, socket.close(None)).await;
+                                return Err(end);
+                            }
+                        }
                         Some(Err(error)) => return Err(End::Lost(error.to_string())),
                         None => return Err(End::Lost("the server has gone".to_owned())),
                     }

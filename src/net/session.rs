@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, timeout};
-use tokio_tungstenite::tungstenite;
+use tokio_tungstenite::tungstenite::{self, error::ProtocolError};
 
 /// Messages that a client may send at once, and how many more in a second; more is a flood.
 const BURST: f64 = 20.0;
@@ -87,7 +87,9 @@ impl Session {
 
     /// Streams to the client at `peer` until one of the two has enough.
     pub async fn run(mut self, peer: SocketAddr) {
-        tracing::info!(%peer, is_binary = self.is_binary, subscription = ?self.turn.subscription(), "a client has come");
+        let Subscription { lights, rate_hz, error, queue } = *self.turn.subscription();
+        let error = error.map(f64::from);
+        tracing::info!(%peer, is_binary = self.is_binary, lights, rate_hz, error, queue, "a client has come");
         let Err(end) = self.stream().await;
         let (sent, lost) = (self.sent, self.lost);
         tracing::info!(%peer, lists_sent = sent, lists_lost = lost, reason = end.reason(), "a client has left");
@@ -261,6 +263,7 @@ fn end_of(error: Error) -> End {
     match error.into_inner().downcast_ref::<tungstenite::Error>() {
         Some(tungstenite::Error::Capacity(_)) => End::Close(close_code::SIZE, "the message is too long"),
         Some(tungstenite::Error::Utf8(_)) => End::Close(close_code::INVALID, "text is UTF-8"),
+        Some(tungstenite::Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => End::Gone,
         Some(tungstenite::Error::Protocol(_)) => {
             End::Close(close_code::PROTOCOL, "this is no WebSocket frame")
         }
