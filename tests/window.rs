@@ -2,20 +2,14 @@
 #![cfg(all(feature = "render", target_os = "linux"))]
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
+#[path = "clients/server.rs"]
+mod server;
+
+use server::{Guard, Server};
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-
-/// Ends the process when the test does, whatever its outcome.
-struct Guard(Child);
-
-impl Drop for Guard {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 fn say_skipped(why: &str) {
     // Not eprintln!, which the test harness swallows when a test passes.
@@ -103,6 +97,12 @@ fn lists_are_shown_in_a_window_until_a_signal_closes_it() {
     let day = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/replay.toml");
     let Some(messages) = opened_and_closed(&display, &day, &["--budget", "50"]) else { return };
     let window = messages.lines().find(|line| line.starts_with("window")).unwrap();
+    let shown: u64 = window.split_whitespace().nth(1).unwrap().parse().unwrap();
+    assert!(shown > 0, "{messages}");
+    let server = Server::start();
+    let Some(messages) = opened_and_closed(&display, Path::new(&server.url), &[]) else { return };
+    assert!(messages.contains("connected to ws://"), "{messages}");
+    let window = messages.lines().find(|line| line.starts_with("window ")).unwrap();
     let shown: u64 = window.split_whitespace().nth(1).unwrap().parse().unwrap();
     assert!(shown > 0, "{messages}");
 }
