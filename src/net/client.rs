@@ -231,7 +231,6 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
         loop {
             tokio::select! {
                 received = socket.next() => {
-                    heard = Instant::now();
                     match received {
                         Some(Ok(message)) => {
                             if let Err(end) = self.pass_on(&message) {
@@ -242,6 +241,8 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                         Some(Err(error)) => return Err(End::Lost(error.to_string())),
                         None => return Err(End::Lost("the server has gone".to_owned())),
                     }
+                    // Whoever takes the lists may have taken their time.
+                    heard = Instant::now();
                 }
                 _ = ask.tick() => {
                     if heard.elapsed() >= SILENCE_MAX {
