@@ -92,7 +92,7 @@ fn damaged_documents_say_what_is_wrong_and_where() {
     );
     fault("not affine", Box::new(|d| d.json["nodes"][0]["matrix"] = json!([0.5_f32; 16].to_vec())));
     fault("rotation of length zero", Box::new(|d| d.json["nodes"][0]["rotation"] = json!([0, 0, 0, 0])));
-    fault("not finite, or", Box::new(|d| d.json["nodes"][0]["scale"] = json!([1e39, 1, 1])));
+    fault("number out of range", Box::new(|d| d.json["nodes"][0]["scale"] = json!([1e39, 1, 1])));
     fault("coordinates are read up to 1e9", Box::new(|d| d.json["nodes"][0]["scale"] = json!([1e12, 1, 1])));
     fault("has no triangle to show", Box::new(|d| d.json["nodes"] = json!([{}])));
     fault(
