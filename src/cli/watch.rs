@@ -16,10 +16,11 @@ use std::time::{Duration, Instant};
 
 /// Show, record or render the lists that a server streams.
 ///
-/// URL is the address of a `run --listen`: ws://HOST:PORT, the address of its page, or HOST:PORT. A connection that breaks
-/// is made again, as often as it takes. Without --json, every second one line says what came: the last sequence number,
-/// lights, error, lists and kilobytes a second, the median and largest age, and the lists that this client was too slow for. The age is
-/// the time since the capture, by the clocks (UTC) of both machines; for a replay as fast as it goes, since the sending.
+/// URL is the address of a `run --listen`: ws://HOST:PORT, the address of its page, or HOST:PORT. A connection that
+/// breaks is made again, as often as it takes. Without --json, every second one line says what came: the last sequence
+/// number, lights, error, lists and kilobytes a second, the median and largest age, and the lists that this client was
+/// too slow for. The age is the time since the capture, by the clocks (UTC) of both machines; for a replay as fast as
+/// it goes, since the sending.
 ///
 /// --json writes every list as one line, the very bytes that the server's own `run --output` writes where lists come as
 /// JSON and nothing is joined; `--format binary` needs a tenth of the bytes and rounds. --record writes these lines to a
