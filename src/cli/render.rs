@@ -1,3 +1,4 @@
+mod stream;
 mod values;
 mod window;
 
@@ -11,23 +12,21 @@ use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
 use crate::image::PolarMap;
 use crate::light::{self, Extractor, Light, LightList, ListFile};
-use crate::net::{Client, ClientOptions};
 use crate::render::{Options, Renderer, emitters};
-use crate::rt::link::{self, Sender};
 use crate::rt::stage::{self as stages, Nowhere, Stage};
 use crate::rt::{Clock, Metrics, Shutdown};
 use crate::scene::{Camera, Scene, Shading};
-use crate::service::{Copies, Output, Service, Summary, list_link};
+use crate::service::{Copies, Output, Service, list_link};
 use crate::stage::{Files, PictureWriter, Render};
-use crate::wire;
 use clap::ValueEnum;
 use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::ffi::{OsStr, OsString};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use values::{Input, Target, field_of_view, milliseconds, vector};
+
+pub(super) use stream::run_stream;
 
 /// Render a scene under captured light.
 ///
@@ -165,51 +164,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         Input::Panorama => render_panorama(arguments, &target),
         Input::Lists => render_lists(arguments, &target),
         Input::Configuration => render_sequence(arguments, &target),
-        Input::Server => render_stream(arguments, &target, server(arguments)?),
-    }
-}
-
-/// [`run`], with lists from a server that is asked for what `options` say.
-pub(super) fn run_stream(arguments: &Arguments, options: ClientOptions) -> Result<()> {
-    match &arguments.output {
-        None => window::run_stream(arguments, options),
-        Some(output) => render_stream(arguments, &Target::of(output)?, options),
-    }
-}
-
-impl Arguments {
-    /// The arguments of `lightcast render URL REST...`; help, and a fault with what is wrong, end the program as they do
-    /// there.
-    pub(super) fn of_stream(url: &str, rest: &[OsString]) -> Self {
-        #[derive(clap::Parser)]
-        #[command(name = "lightcast watch URL --render")]
-        struct Line {
-            #[command(flatten)]
-            arguments: Arguments,
-        }
-        let line =
-            [OsStr::new("render"), OsStr::new(url)].into_iter().chain(rest.iter().map(OsString::as_os_str));
-        <Line as clap::Parser>::parse_from(line).arguments
-    }
-}
-
-/// What a server that is the input is asked for.
-fn server(arguments: &Arguments) -> Result<ClientOptions> {
-    ClientOptions::new(&arguments.input.to_string_lossy())
-}
-
-/// Hands on what a client receives; `closing` learns that it has ended.
-fn pass_on(
-    mut lists: Sender<LightList>,
-    closing: &Shutdown,
-) -> impl FnMut(&wire::Message) -> Result<bool> + Send + 'static {
-    let closing = closing.clone();
-    move |message| {
-        let sent = lists.take().and_then(|mut list| {
-            list.copy_from(&message.list);
-            lists.send(list)
-        });
-        Ok(sent.is_ok() && !closing.is_requested())
+        Input::Server => stream::render(arguments, &target, stream::server(arguments)?),
     }
 }
 
@@ -372,38 +327,6 @@ fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
     bar.finish_and_clear();
     let _ = write!(io::stderr(), "{summary}");
     rendered.and(served)
-}
-
-/// The client brings lists on its thread; this one renders them, the newest each time.
-fn render_stream(arguments: &Arguments, target: &Target, options: ClientOptions) -> Result<()> {
-    no_reference(arguments)?;
-    let shutdown = Shutdown::new();
-    let _signals = SignalWatch::start(&shutdown)?;
-    let mut renderer = renderer(arguments)?;
-    let camera = camera(arguments, &renderer)?;
-    let (sender, mut lists) = link::latest(&shutdown, LightList::default);
-    let (received, rendered) = (Metrics::new("client"), Metrics::new("render"));
-    let client = Client::start(options, &received, &shutdown, pass_on(sender, &shutdown))?;
-    let outcome = match target {
-        Target::File { path, is_exr } => match lists.receive() {
-            Some(list) => renderer
-                .draw(&list.lights, &camera, samples(arguments))
-                .and_then(|()| PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)),
-            None => Ok(()),
-        },
-        Target::Folder(folder) => {
-            let bar = PROGRESS.add(bar("lists", None));
-            let render = numbered(arguments, renderer, camera, folder)?;
-            let shown = Shown { render, bar: bar.clone() };
-            let outcome = stages::run(shown, lists, Nowhere, &Clock::real(), &shutdown, &rendered);
-            bar.finish_and_clear();
-            outcome
-        }
-    };
-    shutdown.request();
-    let served = client.join(Duration::from_millis(100), || ());
-    let _ = write!(io::stderr(), "{}", Summary::of(vec![received, rendered]));
-    outcome.and(served)
 }
 
 /// A stage that shows how far it is.

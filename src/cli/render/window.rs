@@ -1,7 +1,8 @@
 //! `render` without --output: the window, and the threads that bring lists to it.
 
+use super::stream::{pass_on, server};
 use super::values::Input;
-use super::{Arguments, backend, camera, lights_of_map, no_reference, options, pass_on, scene, server};
+use super::{Arguments, backend, camera, lights_of_map, no_reference, options, scene};
 use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::signals::SignalWatch;
 use crate::config::{Config, Pace};
