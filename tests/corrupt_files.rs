@@ -34,6 +34,12 @@ fn radiance(width: usize, height: usize) -> Frame {
     Frame { width, height, channels: 3, pixels: Pixels::Radiance(values), ..Frame::default() }
 }
 
+/// Panics inside libraries are caught. The backtrace of one would map the program's debug information, which then counts as
+/// memory of the reader.
+fn say_panics_without_backtrace() {
+    std::panic::set_hook(Box::new(|panic| eprintln!("{panic}")));
+}
+
 /// Largest resident size of this process so far, in MB; none where the system does not say.
 fn peak_resident_mb() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
@@ -43,6 +49,7 @@ fn peak_resident_mb() -> Option<u64> {
 
 /// Reads mutations of `original`; `head` bytes at its beginning are hit half of the time.
 fn survive(name: &str, original: &[u8], head: usize, mutations: usize, seed: u64) {
+    say_panics_without_backtrace();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     let mut random = XorShift(seed);

@@ -27,6 +27,12 @@ impl XorShift {
     }
 }
 
+/// Panics inside libraries are caught. The backtrace of one would map the program's debug information, which then counts as
+/// memory of the reader.
+fn say_panics_without_backtrace() {
+    std::panic::set_hook(Box::new(|panic| eprintln!("{panic}")));
+}
+
 /// Largest resident size of this process so far, in MB; none where the system does not say.
 fn peak_resident_mb() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
@@ -54,6 +60,7 @@ fn use_scene(scene: &Scene) {
 
 /// Reads mutations of `original`; `head` bytes at its beginning are hit half of the time.
 fn survive(name: &str, original: &[u8], head: usize, seed: u64) {
+    say_panics_without_backtrace();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     let mut random = XorShift(seed);

@@ -1,11 +1,11 @@
 //! A browser without a screen, and what its pages may say.
 
-use axum::http::Method;
-use fantoccini::wd::WebDriverCompatibleCommand;
-use fantoccini::{Client, ClientBuilder};
-use hyper_util::client::legacy::connect::HttpConnector;
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use lightcast::rt::Shutdown;
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -14,6 +14,11 @@ use tempfile::TempDir;
 
 /// A test that waits longer than this waits for ever; the machine may be busy with much else.
 const PATIENCE: Duration = Duration::from_secs(90);
+
+/// Waits a little.
+pub fn pause() {
+    Shutdown::new().wait(Duration::from_millis(50));
+}
 
 /// Ends the process when the test does, whatever its outcome.
 pub struct Guard(pub Child);
@@ -37,26 +42,10 @@ impl Drop for Driver {
     }
 }
 
-/// What the protocol of browsers has not, but Chromium's driver: a command to its session.
-#[derive(Debug)]
-struct Extension {
-    path: &'static str,
-    body: Value,
-}
-
-impl WebDriverCompatibleCommand for Extension {
-    fn endpoint(&self, base_url: &url::Url, session: Option<&str>) -> Result<url::Url, url::ParseError> {
-        base_url.join(&format!("session/{}/{}", session.unwrap_or_default(), self.path))
-    }
-
-    fn method_and_body(&self, _: &url::Url) -> (Method, Option<String>) {
-        (Method::POST, Some(self.body.to_string()))
-    }
-}
-
-/// A session with one tab.
+/// A session with one tab, over the protocol of browsers (W3C WebDriver): JSON over HTTP.
 pub struct Browser {
-    pub client: Client,
+    port: u16,
+    session: String,
     _driver: Driver,
     _profile: TempDir,
 }
@@ -87,7 +76,7 @@ fn driver() -> Result<(Driver, u16), &'static str> {
 
 impl Browser {
     /// Says why where there is none.
-    pub async fn start() -> Result<Self, &'static str> {
+    pub fn start() -> Result<Self, &'static str> {
         let (driver, port) = driver()?;
         let profile = tempfile::tempdir().unwrap();
         let folder = format!("--user-data-dir={}", profile.path().display());
@@ -103,60 +92,129 @@ impl Browser {
             "--hide-scrollbars",
             &folder,
         ];
-        let Value::Object(capabilities) = json!({
+        let capabilities = json!({
             "browserName": "chrome",
             "goog:chromeOptions": { "args": arguments },
             "goog:loggingPrefs": { "browser": "ALL" },
-        }) else {
-            unreachable!("it is an object")
-        };
-        let client = ClientBuilder::new(HttpConnector::new())
-            .capabilities(capabilities)
-            .connect(&format!("http://127.0.0.1:{port}"))
-            .await
-            .unwrap();
-        Ok(Self { client, _driver: driver, _profile: profile })
+        });
+        let mut browser = Self { port, session: String::new(), _driver: driver, _profile: profile };
+        let session = json!({ "capabilities": { "alwaysMatch": capabilities } });
+        let begun = browser.request("POST", "/session", Some(&session));
+        browser.session = begun["sessionId"].as_str().unwrap().to_owned();
+        Ok(browser)
+    }
+
+    /// Sends a request to the driver; the `value` of its answer.
+    #[track_caller]
+    fn request(&self, method: &str, path: &str, body: Option<&Value>) -> Value {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let body = body.map(Value::to_string).unwrap_or_default();
+        let head = format!(
+            "{method} {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nContent-Type: application/json\r\n\
+             Content-Length: {}\r\n\r\n",
+            self.port,
+            body.len()
+        );
+        stream.write_all((head + &body).as_bytes()).unwrap();
+        let mut reader = BufReader::new(stream);
+        let (mut status, mut length) = (String::new(), 0);
+        reader.read_line(&mut status).unwrap();
+        loop {
+            let mut line = String::new();
+            reader.read_line(&mut line).unwrap();
+            match line.trim_end().split_once(':') {
+                Some((name, value)) if name.eq_ignore_ascii_case("content-length") => {
+                    length = value.trim().parse().unwrap();
+                }
+                Some(_) => {}
+                None => break,
+            }
+        }
+        let mut answer = vec![0; length];
+        reader.read_exact(&mut answer).unwrap();
+        let mut answer: Value = serde_json::from_slice(&answer).unwrap();
+        assert!(status.contains(" 200 "), "{method} {path}: {status}{answer}");
+        answer["value"].take()
+    }
+
+    /// A command to the session.
+    #[track_caller]
+    fn post(&self, path: &str, body: &Value) -> Value {
+        self.request("POST", &format!("/session/{}/{path}", self.session), Some(body))
+    }
+
+    /// Opens a page.
+    pub fn open(&self, url: &str) {
+        self.post("url", &json!({ "url": url }));
+    }
+
+    /// Loads the page again.
+    pub fn reload(&self) {
+        self.post("refresh", &json!({}));
+    }
+
+    /// The path of the element of this id.
+    fn element(&self, id: &str) -> String {
+        let found = self.post("element", &json!({ "using": "css selector", "value": format!("#{id}") }));
+        let (_, reference) = found.as_object().unwrap().iter().next().unwrap();
+        format!("element/{}", reference.as_str().unwrap())
+    }
+
+    /// Presses keys with the element of this id in focus.
+    pub fn press(&self, id: &str, keys: &str) {
+        self.post(&format!("{}/value", self.element(id)), &json!({ "text": keys }));
+    }
+
+    /// Empties the field of this id.
+    pub fn clear(&self, id: &str) {
+        self.post(&format!("{}/clear", self.element(id)), &json!({}));
+    }
+
+    /// Runs a script that gets `arguments` and a function to call with its result, which is given.
+    pub fn run(&self, script: &str, arguments: &Value) -> Value {
+        self.post("execute/async", &json!({ "script": script, "args": arguments }))
     }
 
     /// Shows the page on a screen of this size, in the pixels of style sheets.
-    pub async fn resize(&self, width: u32, height: u32, is_phone: bool) {
+    pub fn resize(&self, width: u32, height: u32, is_phone: bool) {
         let metrics = json!({
             "width": width, "height": height, "deviceScaleFactor": if is_phone { 2 } else { 1 }, "mobile": is_phone,
         });
         let body = json!({ "cmd": "Emulation.setDeviceMetricsOverride", "params": metrics });
-        self.client.issue_cmd(Extension { path: "goog/cdp/execute", body }).await.unwrap();
+        self.post("goog/cdp/execute", &body);
     }
 
     /// What a JavaScript expression is.
-    pub async fn value(&self, expression: &str) -> Value {
-        self.client.execute(&format!("return {expression}"), vec![]).await.unwrap()
+    pub fn value(&self, expression: &str) -> Value {
+        self.post("execute/sync", &json!({ "script": format!("return {expression}"), "args": [] }))
     }
 
     /// Waits until a JavaScript expression is true.
-    pub async fn until(&self, expression: &str) {
+    pub fn until(&self, expression: &str) {
         let start = Instant::now();
-        while self.value(&format!("Boolean({expression})")).await != json!(true) {
+        while self.value(&format!("Boolean({expression})")) != json!(true) {
             if start.elapsed() > PATIENCE {
-                let body = self.value("document.body.innerText").await;
-                let data = self.value("JSON.stringify(document.body.dataset)").await;
+                let body = self.value("document.body.innerText");
+                let data = self.value("JSON.stringify(document.body.dataset)");
                 panic!("not so: {expression}\n{data}\n{body}");
             }
-            tokio::time::sleep(Duration::from_millis(50)).await;
+            pause();
         }
     }
 
     /// The errors on the console since the last call.
-    pub async fn errors(&self) -> Vec<String> {
-        let command = Extension { path: "se/log", body: json!({ "type": "browser" }) };
-        let entries = self.client.issue_cmd(command).await.unwrap();
+    pub fn errors(&self) -> Vec<String> {
+        let entries = self.post("se/log", &json!({ "type": "browser" }));
         let entries = entries.as_array().unwrap().iter();
         entries.filter(|entry| entry["level"] == "SEVERE").map(|entry| entry["message"].to_string()).collect()
     }
 
     /// Saves what the page looks like, and gives it.
-    pub async fn picture(&self, file: &Path) -> image::RgbImage {
+    pub fn picture(&self, file: &Path) -> image::RgbImage {
         std::fs::create_dir_all(file.parent().unwrap()).unwrap();
-        let png = self.client.screenshot().await.unwrap();
+        let encoded = self.request("GET", &format!("/session/{}/screenshot", self.session), None);
+        let png = BASE64_STANDARD.decode(encoded.as_str().unwrap()).unwrap();
         std::fs::write(file, &png).unwrap();
         image::load_from_memory(&png).unwrap().into_rgb8()
     }

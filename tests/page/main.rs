@@ -10,7 +10,7 @@ use program::Program;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 const WIDE: (u32, u32) = (1280, 800);
 const NARROW: (u32, u32) = (360, 740);
@@ -22,127 +22,121 @@ fn pictures() -> PathBuf {
 
 #[test]
 fn the_page_in_a_browser() {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-    runtime.block_on(async {
-        let browser = match Browser::start().await {
-            Ok(browser) => browser,
-            Err(why) => {
-                // Not eprintln!, which the test harness swallows when a test passes.
-                let _ = writeln!(std::io::stderr(), "skipped: page: {why}");
-                return;
-            }
-        };
-        let program = Program::start("127.0.0.1:0", None);
-        let url = format!("http://{}/", program.address);
-        browser.resize(WIDE.0, WIDE.1, false).await;
-        browser.client.goto(&url).await.unwrap();
-        lights_arrive_and_move(&browser).await;
-        the_numbers_of_the_server_are_shown(&browser).await;
-        it_fits_and_is_drawn(&browser).await;
-        the_slider_changes_the_number_of_lights(&browser).await;
-        the_client_reads_messages(&browser).await;
-        assert_eq!(browser.errors().await, [""; 0]);
-        let address = program.address.clone();
-        drop(program);
-        a_lost_connection_comes_back(&browser, &address).await;
-        a_token_is_asked_for(&browser).await;
-        browser.client.close().await.unwrap();
-    });
+    let browser = match Browser::start() {
+        Ok(browser) => browser,
+        Err(why) => {
+            // Not eprintln!, which the test harness swallows when a test passes.
+            let _ = writeln!(std::io::stderr(), "skipped: page: {why}");
+            return;
+        }
+    };
+    let program = Program::start("127.0.0.1:0", None);
+    let url = format!("http://{}/", program.address);
+    browser.resize(WIDE.0, WIDE.1, false);
+    browser.open(&url);
+    lights_arrive_and_move(&browser);
+    the_numbers_of_the_server_are_shown(&browser);
+    it_fits_and_is_drawn(&browser);
+    the_slider_changes_the_number_of_lights(&browser);
+    the_client_reads_messages(&browser);
+    assert_eq!(browser.errors(), [""; 0]);
+    let address = program.address.clone();
+    drop(program);
+    a_lost_connection_comes_back(&browser, &address);
+    a_token_is_asked_for(&browser);
+    drop(browser);
 }
 
-async fn lights_arrive_and_move(browser: &Browser) {
-    browser.until(LIVE).await;
-    browser.until("document.body.dataset.lights === '64'").await;
-    let sequence = browser.value("Number(document.body.dataset.sequence)").await.as_f64().unwrap();
-    browser.until(&format!("Number(document.body.dataset.sequence) > {}", sequence + 20.0)).await;
-    let direction = browser.value("document.body.dataset.brightest").await;
-    browser.until(&format!("document.body.dataset.brightest !== {direction}")).await;
-    browser.until("document.getElementById('arriving').textContent === '64'").await;
+fn lights_arrive_and_move(browser: &Browser) {
+    browser.until(LIVE);
+    browser.until("document.body.dataset.lights === '64'");
+    let sequence = browser.value("Number(document.body.dataset.sequence)").as_f64().unwrap();
+    browser.until(&format!("Number(document.body.dataset.sequence) > {}", sequence + 20.0));
+    let direction = browser.value("document.body.dataset.brightest");
+    browser.until(&format!("document.body.dataset.brightest !== {direction}"));
+    browser.until("document.getElementById('arriving').textContent === '64'");
 }
 
-async fn the_numbers_of_the_server_are_shown(browser: &Browser) {
+fn the_numbers_of_the_server_are_shown(browser: &Browser) {
     let map = "Number(document.body.dataset.mapSequence)";
-    browser.until(&format!("{map} > 0")).await;
-    let first = browser.value(map).await.as_f64().unwrap();
-    browser.until(&format!("{map} > {first}")).await;
-    browser.until("document.getElementById('map-note').textContent.includes('rim at 90°')").await;
+    browser.until(&format!("{map} > 0"));
+    let first = browser.value(map).as_f64().unwrap();
+    browser.until(&format!("{map} > {first}"));
+    browser.until("document.getElementById('map-note').textContent.includes('rim at 90°')");
     for stage in ["source", "calibrate", "light", "filter", "publish"] {
         let row = format!(
             "[...document.querySelectorAll('#stage-rows tr')].some((row) => row.children[0].textContent === '{stage}' \
              && Number(row.children[1].textContent) > 0 && Number(row.children[3].textContent.replace(/,/g, '')) > 0)"
         );
-        browser.until(&row).await;
+        browser.until(&row);
     }
     // A replay at its own rate knows its capture times; on one machine a list is not seconds old.
-    browser.until("parseFloat(document.getElementById('age').textContent) < 5000").await;
-    browser.until("parseFloat(document.getElementById('rate').textContent) > 1").await;
-    browser.until("document.getElementById('delay').textContent === '160 ms'").await;
+    browser.until("parseFloat(document.getElementById('age').textContent) < 5000");
+    browser.until("parseFloat(document.getElementById('rate').textContent) > 1");
+    browser.until("document.getElementById('delay').textContent === '160 ms'");
 }
 
 /// Nothing is wider than the screen, and both pictures show more than their backgrounds.
-async fn it_fits_and_is_drawn(browser: &Browser) {
+fn it_fits_and_is_drawn(browser: &Browser) {
     for ((width, height), name, is_phone) in [(WIDE, "wide", false), (NARROW, "narrow", true)] {
-        browser.resize(width, height, is_phone).await;
-        browser
-            .until(&format!("innerWidth === {width} && document.documentElement.scrollWidth === {width}"))
-            .await;
+        browser.resize(width, height, is_phone);
+        browser.until(&format!("innerWidth === {width} && document.documentElement.scrollWidth === {width}"));
         let beyond = "[...document.querySelectorAll('body *')].filter((e) => { \
             const box = e.getBoundingClientRect(); return box.left < 0 || box.right > innerWidth; }).map((e) => e.id || e.tagName)";
-        assert_eq!(browser.value(beyond).await, json!([]), "{name}");
+        assert_eq!(browser.value(beyond), json!([]), "{name}");
         if is_phone {
             // All of it in one picture.
-            let whole = browser.value("document.documentElement.scrollHeight").await.as_u64().unwrap();
-            browser.resize(width, u32::try_from(whole).unwrap(), true).await;
+            let whole = browser.value("document.documentElement.scrollHeight").as_u64().unwrap();
+            browser.resize(width, u32::try_from(whole).unwrap(), true);
         }
         for element in ["disc", "view"] {
             let start = Instant::now();
             loop {
-                let picture = browser.picture(&pictures().join(format!("{name}.png"))).await;
-                if colours_in(browser, &picture, element, width).await > 200 {
+                let picture = browser.picture(&pictures().join(format!("{name}.png")));
+                if colours_in(browser, &picture, element, width) > 200 {
                     break;
                 }
                 assert!(start.elapsed().as_secs() < 60, "{name}: nothing is drawn in {element}");
             }
         }
     }
-    browser.resize(WIDE.0, WIDE.1, false).await;
+    browser.resize(WIDE.0, WIDE.1, false);
 }
 
 /// Number of colours in the part of a picture of the page that shows an element.
-async fn colours_in(browser: &Browser, picture: &image::RgbImage, element: &str, width: u32) -> usize {
+fn colours_in(browser: &Browser, picture: &image::RgbImage, element: &str, width: u32) -> usize {
     let expression = format!(
         "(({{x, y, width, height}}) => [x, y, width, height])(document.getElementById('{element}').getBoundingClientRect())"
     );
-    let place: [f64; 4] = serde_json::from_value(browser.value(&expression).await).unwrap();
+    let place: [f64; 4] = serde_json::from_value(browser.value(&expression)).unwrap();
     let scale = f64::from(picture.width()) / f64::from(width);
     let [x, y, width, height] = place.map(|part| (part * scale) as u32);
     let part = image::imageops::crop_imm(picture, x, y, width, height).to_image();
     part.pixels().collect::<std::collections::HashSet<_>>().len()
 }
 
-async fn the_slider_changes_the_number_of_lights(browser: &Browser) {
-    let slider = browser.client.find(fantoccini::Locator::Id("count")).await.unwrap();
+fn the_slider_changes_the_number_of_lights(browser: &Browser) {
     let mut errors = Vec::new();
     for (keys, lights) in [("\u{e010}", 64), ("\u{e011}", 1), ("\u{e014}\u{e014}\u{e014}\u{e014}\u{e014}", 8)]
     {
-        slider.send_keys(keys).await.unwrap();
-        browser.until(&format!("document.body.dataset.lights === '{lights}'")).await;
-        browser.until(&format!("document.getElementById('arriving').textContent === '{lights}'")).await;
-        errors.push(least_error(browser).await);
+        browser.press("count", keys);
+        browser.until(&format!("document.body.dataset.lights === '{lights}'"));
+        browser.until(&format!("document.getElementById('arriving').textContent === '{lights}'"));
+        errors.push(least_error(browser));
     }
     assert!(errors[0] < errors[2] && errors[2] < errors[1], "{errors:?}");
-    assert_eq!(browser.value("document.getElementById('count-asked').textContent").await, "8 of 64");
-    slider.send_keys("\u{e010}").await.unwrap();
-    browser.until("document.body.dataset.lights === '64'").await;
+    assert_eq!(browser.value("document.getElementById('count-asked').textContent"), "8 of 64");
+    browser.press("count", "\u{e010}");
+    browser.until("document.body.dataset.lights === '64'");
 }
 
 /// The least of the errors that are shown for a while: where the sequence begins again, the light jumps, and the error too.
-async fn least_error(browser: &Browser) -> f64 {
+fn least_error(browser: &Browser) -> f64 {
     let mut least = f64::INFINITY;
     for _ in 0..30 {
-        let error = browser.value("parseFloat(document.getElementById('error').textContent)").await;
+        let error = browser.value("parseFloat(document.getElementById('error').textContent)");
         least = least.min(error.as_f64().unwrap());
-        tokio::time::sleep(Duration::from_millis(50)).await;
+        browser::pause();
     }
     least
 }
@@ -171,7 +165,7 @@ fn malformed(golden: &[u8]) -> Vec<(Vec<u8>, &'static str)> {
 
 /// The message that pins the protocol is what its JSON says; one that is cut short is refused, and one that cannot be;
 /// lists come as JSON too.
-async fn the_client_reads_messages(browser: &Browser) {
+fn the_client_reads_messages(browser: &Browser) {
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
     let bytes = std::fs::read(golden.join("message.bin")).unwrap();
     let text = std::fs::read_to_string(golden.join("message.json")).unwrap();
@@ -195,8 +189,7 @@ async fn the_client_reads_messages(browser: &Browser) {
             state: client.state.state }; \
         })().then(done, (error) => done(String(error)))";
     let inputs: Vec<_> = malformed.iter().map(|(bytes, _)| bytes).collect();
-    let arguments = vec![json!(bytes), json!(text), json!(inputs)];
-    let found = browser.client.execute_async(script, arguments).await.unwrap();
+    let found = browser.run(script, &json!([bytes, text, inputs]));
     assert!(found.is_object(), "{found}");
     let expected: Value = serde_json::from_str(&text).unwrap();
     same(&found["json"], &expected, "json");
@@ -233,34 +226,33 @@ fn same(found: &Value, expected: &Value, place: &str) {
     }
 }
 
-async fn a_lost_connection_comes_back(browser: &Browser, address: &str) {
-    browser.until("document.body.dataset.state === 'closed'").await;
-    browser.until("document.getElementById('state-text').textContent.startsWith('disconnected')").await;
-    let before = browser.value("document.body.dataset.sequence").await;
+fn a_lost_connection_comes_back(browser: &Browser, address: &str) {
+    browser.until("document.body.dataset.state === 'closed'");
+    browser.until("document.getElementById('state-text').textContent.startsWith('disconnected')");
+    let before = browser.value("document.body.dataset.sequence");
     let _program = Program::start(address, None);
-    browser.until(LIVE).await;
-    browser.until(&format!("document.body.dataset.sequence !== {before}")).await;
-    browser.until("document.body.dataset.lights === '64'").await;
+    browser.until(LIVE);
+    browser.until(&format!("document.body.dataset.sequence !== {before}"));
+    browser.until("document.body.dataset.lights === '64'");
 }
 
-async fn a_token_is_asked_for(browser: &Browser) {
+fn a_token_is_asked_for(browser: &Browser) {
     let token = "a-token_that.is~long";
     let program = Program::start("127.0.0.1:0", Some(token));
-    browser.client.goto(&format!("http://{}/", program.address)).await.unwrap();
-    browser.until("document.body.dataset.state === 'token'").await;
-    let field = browser.client.find(fantoccini::Locator::Id("token")).await.unwrap();
-    field.send_keys("another-token-than-that\n").await.unwrap();
-    browser.until("document.getElementById('token-fault').textContent.includes('not take this token')").await;
-    field.clear().await.unwrap();
-    field.send_keys(&format!("{token}\n")).await.unwrap();
-    browser.until(LIVE).await;
-    browser.until("Number(document.body.dataset.mapSequence) > 0").await;
+    browser.open(&format!("http://{}/", program.address));
+    browser.until("document.body.dataset.state === 'token'");
+    browser.press("token", "another-token-than-that\n");
+    browser.until("document.getElementById('token-fault').textContent.includes('not take this token')");
+    browser.clear("token");
+    browser.press("token", &format!("{token}\n"));
+    browser.until(LIVE);
+    browser.until("Number(document.body.dataset.mapSequence) > 0");
     // It is kept for the tab, and can be given in the address, where it does not stay.
-    browser.client.refresh().await.unwrap();
-    browser.until(LIVE).await;
-    browser.value("sessionStorage.clear()").await;
-    browser.client.goto("about:blank").await.unwrap();
-    browser.client.goto(&format!("http://{}/#token={token}", program.address)).await.unwrap();
-    browser.until(LIVE).await;
-    assert_eq!(browser.value("location.hash").await, "");
+    browser.reload();
+    browser.until(LIVE);
+    browser.value("sessionStorage.clear()");
+    browser.open("about:blank");
+    browser.open(&format!("http://{}/#token={token}", program.address));
+    browser.until(LIVE);
+    assert_eq!(browser.value("location.hash"), "");
 }
