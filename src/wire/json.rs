@@ -6,11 +6,15 @@
 use super::{Delivery, MESSAGE_MAX_BYTES, Message};
 use crate::error::{Error, Result};
 
+/// Room for what goes with a list: five numbers of at most 20 characters, and their names.
+const DELIVERY_BYTES: usize = 256;
+
 /// Puts a message together from the JSON object of its list and the rest, into `message`.
 ///
 /// `list` is one JSON object with at least one key, with a line's end or without.
 pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     message.clear();
+    message.reserve(list.len() + DELIVERY_BYTES);
     message.extend_from_slice(list.trim_ascii_end().strip_suffix(b"}").unwrap_or(list));
     message.extend_from_slice(b",\"stream\":");
     serde_json::to_writer(&mut *message, delivery).expect("numbers go into JSON, and memory takes them");
