@@ -8,7 +8,7 @@ use lightcast::camera::{
 };
 use lightcast::error::Result;
 use lightcast::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
-use lightcast::light::{Extractor, LightList, Options, PeakOptions, Sampler};
+use lightcast::light::{Extractor, LightList, Options, Sampler};
 use lightcast::rt::link::bounded;
 use lightcast::rt::stage::{Flow, Nowhere, Stage, Tick, Ticks, run};
 use lightcast::rt::{Clock, Metrics, Shutdown};
@@ -165,14 +165,12 @@ impl Stage for End {
 #[derive(Clone, Copy, Debug)]
 struct Case {
     sampler: Sampler,
-    /// Lights for peaks.
-    slots: usize,
     bayer: Option<Bayer>,
 }
 
 /// Allocations of calibrate, light and filter over the frames after the warm-up.
 fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
-    let Case { sampler, slots, bayer } = case;
+    let Case { sampler, bayer } = case;
     let shape = PolarShape::hemisphere(360, 90);
     let lens = Lens::new(LensParameters {
         width: 640,
@@ -192,8 +190,7 @@ fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
         None => FrameToPolar::new(&projection, LOOKING_UP, shape).unwrap(),
         Some(bayer) => FrameToPolar::mosaic(&projection, bayer, LOOKING_UP, shape).unwrap(),
     };
-    let peaks = PeakOptions { slots, ..PeakOptions::default() };
-    let options = Options { count: 300, sampler, peaks, ..Options::default() };
+    let options = Options { count: 300, sampler, ..Options::default() };
     let extractor = Extractor::new(shape, &options).unwrap();
     let filter = LightFilter::new(&FilterOptions::default()).unwrap();
 
@@ -248,10 +245,10 @@ impl Stage for Disturbed {
 
 #[test]
 fn a_frame_in_the_steady_state_allocates_nothing() {
-    let plain = |sampler| Case { sampler, slots: 0, bayer: None };
+    let plain = |sampler| Case { sampler, bayer: None };
     for case in [
         plain(Sampler::Persistent),
-        Case { slots: 3, ..plain(Sampler::Persistent) },
+        plain(Sampler::Adaptive),
         Case { bayer: Some(Bayer::Rggb), ..plain(Sampler::Refined) },
         plain(Sampler::EqualPower),
     ] {
@@ -266,7 +263,7 @@ fn a_frame_in_the_steady_state_allocates_nothing() {
 
 #[test]
 fn one_allocation_a_frame_is_seen() {
-    let case = Case { sampler: Sampler::Persistent, slots: 0, bayer: None };
+    let case = Case { sampler: Sampler::Adaptive, bayer: None };
     let counts = allocations(case, |taken| taken.push(vec![1]));
     assert_eq!(counts.map(|count| count.in_steps), [0, 0, FRAMES - WARM_UP]);
 }

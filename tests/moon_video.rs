@@ -153,7 +153,7 @@ fn the_moon_is_one_light_that_goes_the_moons_way() {
         format!(
             "[source]\nkind = \"sequence\"\npath = \"sky.##.png\"\nframe_rate_hz = {}\npace = \"fast\"\n\
              [camera]\nprojection = \"fisheye\"\ncalibration = \"camera.json\"\nworld_from_camera = {}\n\
-             [map]\ncolumns = 720\nrows = 180\n[lights]\ncount = 64\npeaks = {{ slots = 1 }}\n",
+             [map]\ncolumns = 720\nrows = 180\n[lights]\ncount = 64\n",
             1.0 / 3.0,
             rows(orientation.world_from_camera)
         ),

@@ -1,16 +1,18 @@
+use super::adaptive::Adaptive;
+use super::count::Count;
 use super::equal_power::equal_power;
-use super::kollig_keller::{Voronoi, kollig_keller};
+use super::error::ListError;
+use super::kollig_keller::kollig_keller;
 use super::median_cut::median_cut;
-use super::nearest::NearestSites;
-use super::peaks::{PeakOptions, Peaks};
-use super::refine::Cells;
+use super::refine::Voronoi;
+use super::seeds::{Seeds, dampened};
 use super::structured::structured;
 use super::variance_minimisation::variance_minimisation;
-use super::{Light, LightList, MapIrradiance};
+use super::{LightList, MapIrradiance};
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape, luminance};
-use crate::sampling::{Bicontinuous, Standard, sample_points};
 use serde::Deserialize;
+use std::time::Duration;
 
 /// The most lights and pixels that an [`Extractor`] accepts.
 ///
@@ -31,9 +33,11 @@ pub enum Sampler {
     EqualPower,
     /// Cells about samples of luminance^0.75; their flux, mean direction and spread. For single maps.
     Refined,
-    /// As refined, about the directions of the last frame. For sequences.
-    #[default]
+    /// As refined, about the directions of the last frame.
     Persistent,
+    /// As persistent, with dominant peaks apart and idle lights moved to where they help. For sequences.
+    #[default]
+    Adaptive,
     /// Rectangles of even energy (Debevec 2005). This and the following are for comparison: they allocate in every frame.
     MedianCut,
     /// Rectangles of little variance (Viriyothai and Debevec 2009).
@@ -42,13 +46,6 @@ pub enum Sampler {
     Structured,
     /// Cells about relaxed sites whose number grows (Kollig and Keller 2003).
     KolligKeller,
-}
-
-impl Sampler {
-    /// Whether dominant peaks may be taken apart before.
-    fn takes_peaks(self) -> bool {
-        matches!(self, Self::Refined | Self::Persistent)
-    }
 }
 
 /// Which inverse transform places samples (METHODS section 5).
@@ -76,8 +73,10 @@ pub struct Options {
     pub inversion: Inversion,
     /// Steps of Lloyd's relaxation of the sample points, 0 to 100, at start-up.
     pub relaxation_steps: usize,
-    /// Dominant peaks that become lights of their own; for refined and persistent lights only.
-    pub peaks: PeakOptions,
+    /// Use only as many of the lights as keep the relative irradiance error below this; adaptive lights only.
+    pub error_target: Option<f32>,
+    /// Use only as many of the lights as are made in this time, in ms a frame; adaptive lights only.
+    pub budget_ms: Option<f64>,
 }
 
 impl Default for Options {
@@ -88,7 +87,8 @@ impl Default for Options {
             inversion: Inversion::default(),
             // What the tables of METHODS were measured with.
             relaxation_steps: 4,
-            peaks: PeakOptions::default(),
+            error_target: None,
+            budget_ms: None,
         }
     }
 }
@@ -98,34 +98,26 @@ impl Default for Options {
 pub struct Extractor {
     shape: PolarShape,
     sampler: Sampler,
-    points: Vec<[f64; 2]>,
-    distribution: Distribution,
-    importance: Vec<f32>,
+    seeds: Seeds,
     sites: Vec<[f32; 3]>,
     /// Whether `sites` are the directions of a frame that had light.
     lit: bool,
-    nearest_sites: NearestSites,
-    nearest: Vec<u32>,
-    cells: Cells,
-    peaks: Option<Peaks>,
+    voronoi: Voronoi,
+    adaptive: Option<Adaptive>,
+    chosen: Option<Count>,
+    list_error: ListError,
     map_irradiance: MapIrradiance,
-}
-
-#[derive(Clone, Debug)]
-enum Distribution {
-    Standard(Standard),
-    Bicontinuous(Bicontinuous),
 }
 
 impl Extractor {
     /// Prepares points and tables for maps of one shape.
     ///
     /// # Errors
-    /// `Usage` for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps, for peaks that leave no
-    /// light for the rest, have a threshold of 1 or less or are asked of a sampler that has none, and for a shape without
-    /// pixels, with too many, narrower than 0.001 rad or not within the sphere.
+    /// `Usage` for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps, for a target or a budget
+    /// that is none or is asked of other lights than adaptive ones, and for a shape without pixels, with too many,
+    /// narrower than 0.001 rad or not within the sphere.
     pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
-        let Options { count, sampler, inversion, relaxation_steps, peaks } = *options;
+        let Options { count, sampler, inversion, relaxation_steps, error_target, budget_ms } = *options;
         if !(1..=MAX_LIGHTS).contains(&count) {
             return Err(Error::usage(format!("count: {count} lights; give 1 to {MAX_LIGHTS}")));
         }
@@ -134,12 +126,13 @@ impl Extractor {
                 "relaxation_steps: {relaxation_steps}; a few suffice, give 0 to 100"
             )));
         }
-        peaks.check(count)?;
-        if peaks.slots > 0 && !sampler.takes_peaks() {
+        if (error_target.is_some() || budget_ms.is_some()) && sampler != Sampler::Adaptive {
             return Err(Error::usage(
-                "peaks.slots: only refined and persistent lights have them; give 0, or one of these samplers",
+                "error_target, budget_ms: only adaptive lights change their number; leave both out, or choose sampler = \
+                 \"adaptive\"",
             ));
         }
+        let chosen = Count::new(count, error_target, budget_ms)?;
         let pixels = shape.columns.checked_mul(shape.rows).filter(|&n| (1..=MAX_PIXELS).contains(&n));
         if pixels.is_none() {
             return Err(Error::usage(format!(
@@ -154,35 +147,16 @@ impl Extractor {
                 shape.theta_max_rad
             )));
         }
-        let z = |row: f64| 2.0 * (0.5 * shape.theta_max_rad * row / shape.rows as f64).sin().powi(2);
-        let distribution = match inversion {
-            Inversion::Standard => {
-                let edges: Vec<f64> = (0..=shape.rows).map(|row| z(row as f64)).collect();
-                Distribution::Standard(Standard::new(shape.columns, &edges))
-            }
-            Inversion::Bicontinuous | Inversion::NormalisedRows => {
-                let centres: Vec<f64> = (0..shape.rows).map(|row| z(row as f64 + 0.5)).collect();
-                let distribution = Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64));
-                Distribution::Bicontinuous(if inversion == Inversion::NormalisedRows {
-                    distribution.with_normalised_rows()
-                } else {
-                    distribution
-                })
-            }
-        };
-        let site_count = count - peaks.slots;
         Ok(Self {
             shape,
             sampler,
-            points: sample_points(site_count, relaxation_steps),
-            distribution,
-            importance: vec![0.0; shape.len()],
-            sites: Vec::with_capacity(site_count),
+            seeds: Seeds::new(shape, count, relaxation_steps, inversion),
+            sites: Vec::with_capacity(count),
             lit: false,
-            nearest_sites: NearestSites::new(shape, site_count),
-            nearest: vec![0; shape.len()],
-            cells: Cells::new(shape.columns, site_count),
-            peaks: (peaks.slots > 0).then(|| Peaks::new(shape, &peaks)),
+            voronoi: Voronoi::new(shape, count),
+            chosen,
+            list_error: ListError::new(),
+            adaptive: (sampler == Sampler::Adaptive).then(|| Adaptive::new(shape, count)),
             map_irradiance: MapIrradiance::new(shape),
         })
     }
@@ -192,13 +166,37 @@ impl Extractor {
     /// lets out, so they are not worked out here only to be replaced.
     ///
     /// Equal-power lights keep the luminous power of the map, the others its RGB power. A map without light gives
-    /// lights without power: towards uniform directions, or, persistent, where they were. Lights of peaks come first.
+    /// lights without power: towards uniform directions, or, persistent and adaptive, where they were.
     ///
     /// # Panics
     /// If the map is not of this extractor's shape.
     pub fn step(&mut self, map: &PolarMap, list: &mut LightList) {
         self.extract(map, list);
         self.map_irradiance.reference(map, &mut list.reference_irradiance);
+        if let Some(count) = self.chosen.as_mut().filter(|count| count.needs_error()) {
+            let error = self.list_error.relative_error(&list.lights, &list.reference_irradiance);
+            count.saw_error(error, map.stamp.frame_rate_hz);
+            self.choose();
+        }
+    }
+
+    /// Whether [`Self::took`] is of use.
+    pub fn has_budget(&self) -> bool {
+        self.chosen.as_ref().is_some_and(Count::has_budget)
+    }
+
+    /// How long the last list took, so that the next one keeps the budget.
+    pub fn took(&mut self, time: Duration, frame_rate_hz: f64) {
+        if let Some(count) = &mut self.chosen {
+            count.saw_time(time.as_secs_f64() * 1e3, frame_rate_hz);
+            self.choose();
+        }
+    }
+
+    fn choose(&mut self) {
+        if let (Some(count), Some(adaptive)) = (&self.chosen, &mut self.adaptive) {
+            adaptive.want(count.lights());
+        }
     }
 
     /// [`Self::step`] without the map's irradiances, which are left as they are.
@@ -209,93 +207,41 @@ impl Extractor {
         assert!(map.shape == self.shape && map.pixels.len() == self.shape.len(), "the map's shape");
         list.stamp = map.stamp;
         list.filter_delay_frames = 0;
-        let mut peaks = self.peaks.take();
-        let rest = peaks.as_mut().map_or(map, |peaks| peaks.step(map));
-        self.extract_rest(rest, &mut list.lights);
-        if let Some(peaks) = &peaks {
-            // First in the list, so that no prefix joins them to anything.
-            let site_count = list.lights.len();
-            list.lights.extend(peaks.lights());
-            list.lights.rotate_left(site_count);
-            for (id, light) in list.lights.iter_mut().enumerate() {
-                light.id = id as u32;
-            }
-        }
-        self.peaks = peaks;
-        list.power = list.sum_of_lights();
-    }
-
-    /// The lights of the map, or of what its peaks leave.
-    fn extract_rest(&mut self, map: &PolarMap, lights: &mut Vec<Light>) {
+        list.chosen_lights = self.chosen.as_ref().map(|count| count.lights() as u32);
+        let (lights, seeds) = (&mut list.lights, &mut self.seeds);
         match self.sampler {
             Sampler::EqualPower => {
-                self.sample_sites(map, luminance);
+                seeds.sites(map, luminance, &mut self.sites);
                 equal_power(map, &self.sites, lights);
             }
             Sampler::Refined => {
-                self.sample_sites(map, dampened);
-                self.refine(map, lights);
+                seeds.sites(map, dampened, &mut self.sites);
+                self.voronoi.refine(map, &self.sites, lights);
             }
             Sampler::Persistent => {
                 // Until there was light, the last directions say nothing about where to look for it.
                 if !self.lit {
-                    self.sample_sites(map, dampened);
+                    seeds.sites(map, dampened, &mut self.sites);
                 }
-                self.refine(map, lights);
+                self.voronoi.refine(map, &self.sites, lights);
                 self.lit |= lights.iter().any(|light| light.irradiance != [0.0; 3]);
                 for (site, light) in self.sites.iter_mut().zip(lights.iter()) {
                     *site = light.direction;
                 }
             }
-            Sampler::MedianCut => median_cut(map, self.points.len(), lights),
-            Sampler::VarianceMinimisation => variance_minimisation(map, self.points.len(), lights),
-            Sampler::Structured => structured(map, self.points.len(), lights),
+            Sampler::Adaptive => {
+                let adaptive = self.adaptive.as_mut().expect("made for this sampler");
+                let seed = |map: &PolarMap, sites: &mut Vec<_>| seeds.sites(map, dampened, sites);
+                adaptive.step(map, seed, |map, sites| self.voronoi.sum(map, sites), lights);
+            }
+            Sampler::MedianCut => median_cut(map, seeds.count(), lights),
+            Sampler::VarianceMinimisation => variance_minimisation(map, seeds.count(), lights),
+            Sampler::Structured => structured(map, seeds.count(), lights),
             Sampler::KolligKeller => {
-                self.sample_sites(map, dampened);
-                let voronoi = Voronoi {
-                    nearest_sites: &mut self.nearest_sites,
-                    nearest: &mut self.nearest,
-                    cells: &mut self.cells,
-                };
-                kollig_keller(map, voronoi, &mut self.sites, lights);
+                seeds.sites(map, dampened, &mut self.sites);
+                kollig_keller(map, &mut self.voronoi, &mut self.sites, lights);
             }
         }
+        list.power = list.sum_of_lights();
     }
-
-    /// Puts the sites where the inverse transform of `importance(pixel)` takes the points.
-    fn sample_sites(&mut self, map: &PolarMap, importance: impl Fn([f32; 3]) -> f32) {
-        for (value, &pixel) in self.importance.iter_mut().zip(&map.pixels) {
-            *value = importance(pixel);
-        }
-        self.sites.clear();
-        match &mut self.distribution {
-            Distribution::Standard(standard) => {
-                standard.update(&self.importance);
-                self.sites.extend(self.points.iter().map(|&u| site(standard.sample(u))));
-            }
-            Distribution::Bicontinuous(bicontinuous) => {
-                bicontinuous.update(&self.importance);
-                self.sites.extend(self.points.iter().map(|&u| site(bicontinuous.sample(u))));
-            }
-        }
-    }
-
-    fn refine(&mut self, map: &PolarMap, lights: &mut Vec<Light>) {
-        self.nearest_sites.assign(&self.sites, &mut self.nearest);
-        self.cells.refine(map, &self.nearest, &self.sites, lights);
-    }
-}
-
-/// Importance for sites: luminance^0.75. Sites by luminance itself crowd in the brightest spots, where one light is as
-/// good as ten.
-fn dampened(pixel: [f32; 3]) -> f32 {
-    let root = luminance(pixel).sqrt();
-    root * root.sqrt()
-}
-
-/// Unit vector of `[z, phi]`, z = 1 - cos theta.
-fn site([z, phi]: [f64; 2]) -> [f32; 3] {
-    let sin_theta = (z * (2.0 - z)).max(0.0).sqrt();
-    let (sin_phi, cos_phi) = phi.sin_cos();
-    [(sin_theta * cos_phi) as f32, (1.0 - z) as f32, (sin_theta * sin_phi) as f32]
 }

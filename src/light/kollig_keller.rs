@@ -13,8 +13,7 @@
 //! bright one.
 
 use super::Light;
-use super::nearest::NearestSites;
-use super::refine::Cells;
+use super::refine::Voronoi;
 use crate::image::{PolarMap, PolarShape};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -24,27 +23,19 @@ const NODES_PER_NEW_ONE: usize = 8;
 const STEPS_PER_GROWTH: usize = 2;
 const STEPS_AT_THE_END: usize = 8;
 
-/// Where pixels belong, and what their cells hold.
-pub(super) struct Voronoi<'a> {
-    pub(super) nearest_sites: &'a mut NearestSites,
-    /// One element for each pixel.
-    pub(super) nearest: &'a mut [u32],
-    pub(super) cells: &'a mut Cells,
-}
-
 /// Writes as many lights as there are `sites`. Their sum is the RGB power of the map.
 ///
 /// The sites become the lights' directions; what they are before is of no consequence except where no cell can be split
 /// any more, as on a map without light: then those that are still unused stay where they are.
 pub(super) fn kollig_keller(
     map: &PolarMap,
-    mut voronoi: Voronoi<'_>,
+    voronoi: &mut Voronoi,
     sites: &mut [[f32; 3]],
     lights: &mut Vec<Light>,
 ) {
     // One site has all pixels; its own direction matters only to a dark map.
     let mut used = 1;
-    voronoi.relax(map, &mut sites[..used], lights);
+    relax(voronoi, map, &mut sites[..used], lights);
     while used < sites.len() {
         let grown = grow(map.shape, sites, used, lights);
         if grown == used {
@@ -53,22 +44,19 @@ pub(super) fn kollig_keller(
         }
         used = grown;
         for _ in 0..STEPS_PER_GROWTH {
-            voronoi.relax(map, &mut sites[..used], lights);
+            relax(voronoi, map, &mut sites[..used], lights);
         }
     }
     for _ in 0..STEPS_AT_THE_END {
-        voronoi.relax(map, &mut sites[..used], lights);
+        relax(voronoi, map, &mut sites[..used], lights);
     }
 }
 
-impl Voronoi<'_> {
-    /// One step of Lloyd's: the lights of the cells about the sites, to whose directions these move.
-    fn relax(&mut self, map: &PolarMap, sites: &mut [[f32; 3]], lights: &mut Vec<Light>) {
-        self.nearest_sites.assign(sites, self.nearest);
-        self.cells.refine(map, self.nearest, sites, lights);
-        for (site, light) in sites.iter_mut().zip(lights) {
-            *site = light.direction;
-        }
+/// One step of Lloyd's: the lights of the cells about the sites, to whose directions these move.
+fn relax(voronoi: &mut Voronoi, map: &PolarMap, sites: &mut [[f32; 3]], lights: &mut Vec<Light>) {
+    voronoi.refine(map, sites, lights);
+    for (site, light) in sites.iter_mut().zip(lights) {
+        *site = light.direction;
     }
 }
 

@@ -37,6 +37,9 @@ pub struct LightList {
     /// Frames by which the filter delays the lights; 0 means that they are not filtered.
     pub filter_delay_frames: u32,
     unit: &'static str,
+    /// How many of the lights were to be used, where that is chosen frame by frame; the others have no power.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chosen_lights: Option<u32>,
     /// RGB sum of the lights; before the filter also the power of the map (for equal-power lights in luminance
     /// only, see the sampler).
     pub power: [f64; 3],
@@ -60,6 +63,7 @@ impl Default for LightList {
             stamp: Stamp::default(),
             filter_delay_frames: 0,
             unit: "relative",
+            chosen_lights: None,
             power: [0.0; 3],
             error: 0.0,
             prefix_errors: Vec::new(),
@@ -72,9 +76,10 @@ impl Default for LightList {
 impl LightList {
     /// Copies `other` into the storage of this list; no allocation once the capacities suffice.
     pub fn copy_from(&mut self, other: &Self) {
-        let Self { stamp, filter_delay_frames, power, error, .. } = *other;
-        (self.stamp, self.filter_delay_frames, self.power, self.error) =
-            (stamp, filter_delay_frames, power, error);
+        let Self { stamp, filter_delay_frames, chosen_lights, power, error, .. } = *other;
+        (self.stamp, self.filter_delay_frames, self.chosen_lights) =
+            (stamp, filter_delay_frames, chosen_lights);
+        (self.power, self.error) = (power, error);
         self.prefix_errors.clone_from(&other.prefix_errors);
         self.lights.clone_from(&other.lights);
         self.reference_irradiance.clone_from(&other.reference_irradiance);

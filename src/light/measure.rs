@@ -3,6 +3,10 @@
 //! Both sides of a comparison are [`Emitters`], directional lights of luminous irradiance: every map pixel is one,
 //! at the pixel's centre. All sums are f64. The cheap estimate for every frame is in [`super::error`].
 
+mod soft;
+
+pub use soft::soft_ground_cells;
+
 use super::Light;
 use crate::image::PolarMap;
 use crate::math::fibonacci_sphere;
@@ -112,19 +116,24 @@ impl Emitters {
     /// Ground irradiance averaged over each of `cells` x `cells` square cells of [-1.5, 1.5]^2, by
     /// `points` x `points` points a cell (after Gibson and Murta 2000).
     pub fn ground_cells(&self, cells: usize, points: usize) -> Vec<f64> {
-        let steps = cells * points;
-        let coordinate = |i: usize| GROUND_HALF_SIDE * ((2 * i + 1) as f64 / steps as f64 - 1.0);
-        let mut means = vec![0.0; cells * cells];
-        for j in 0..steps {
-            for i in 0..steps {
-                means[(j / points) * cells + i / points] +=
-                    self.ground_irradiance(coordinate(i), coordinate(j));
-            }
-        }
-        let points_per_cell = (points * points) as f64;
-        means.iter_mut().for_each(|mean| *mean /= points_per_cell);
-        means
+        ground_points(cells, points, |x, z| self.ground_irradiance(x, z))
     }
+}
+
+/// Means over each of `cells` x `cells` square cells of the ground of what `value` is at `points` x `points` points
+/// (x, z) of it.
+fn ground_points(cells: usize, points: usize, value: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    let steps = cells * points;
+    let coordinate = |i: usize| GROUND_HALF_SIDE * ((2 * i + 1) as f64 / steps as f64 - 1.0);
+    let mut means = vec![0.0; cells * cells];
+    for j in 0..steps {
+        for i in 0..steps {
+            means[(j / points) * cells + i / points] += value(coordinate(i), coordinate(j));
+        }
+    }
+    let points_per_cell = (points * points) as f64;
+    means.iter_mut().for_each(|mean| *mean /= points_per_cell);
+    means
 }
 
 /// RMS of `values - reference` relative to the mean of `reference`; 0 where both are dark throughout.

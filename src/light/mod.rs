@@ -5,7 +5,9 @@
 //! Other methods of the field have a file each, for comparison and for whoever chooses them.
 //! [`prefix`] and [`cluster`] shorten a list, [`Regions`] sort it by what a normal or a cone needs of it.
 
+mod adaptive;
 mod cluster;
+mod count;
 mod equal_power;
 pub mod error;
 mod extractor;
@@ -20,6 +22,7 @@ mod rectangles;
 mod reference;
 mod refine;
 mod regions;
+mod seeds;
 mod structured;
 mod variance_minimisation;
 
@@ -34,7 +37,6 @@ pub use cluster::cluster;
 pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
 pub use list::{Light, LightList, ListFile, MOST_IRRADIANCE, MOST_POWER};
 pub use nearest::NearestSites;
-pub use peaks::PeakOptions;
 pub use prefix::{prefix, prefix_with_heads};
 pub use reference::MapIrradiance;
 pub use regions::{RegionLists, Regions};

@@ -1,185 +1,164 @@
-//! Dominant peaks apart: the Moon, the sun, a lamp as a light of its own (METHODS section 6).
+//! Dominant peaks: the sun, the Moon, a lamp as lights of their own (METHODS section 6).
 //!
 //! In the cell of a site a small source is averaged with the sky about it: the light's direction is pulled towards the
-//! middle of the cell, by more as the source grows dim. Here connected pixels above a threshold give what they have
-//! *above* it to a light in a slot that is kept for peaks; up to the threshold they stay in the map. Giving away whole
-//! pixels instead would move the light by jumps as pixels cross the threshold: on the Moon behind passing cloud, over
-//! 0.5-degree pixels, up to 0.13 degrees instead of 0.03.
+//! middle of the cell, by more as the source grows dim, and a strong one draws many sites to itself. Here connected
+//! pixels above a limit give what they have *above* it to a light of their own; up to the limit they stay in the map.
+//! Giving away whole pixels instead would move the light by jumps as pixels cross the limit: on the Moon behind passing
+//! cloud, over 0.5-degree pixels, up to 0.13 degrees instead of 0.03.
 
-use super::Light;
 use super::refine::Share;
-use crate::error::{Error, Result};
-use crate::image::{PolarMap, PolarShape, luminance_f64};
+use crate::image::{PolarMap, PolarShape, luminance, luminance_f64};
 use crate::math::angle_between;
 use glam::DVec3;
-use serde::Deserialize;
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// What counts as a peak, and how many lights are kept for them.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "snake_case")]
-pub struct PeakOptions {
-    /// Lights that are kept for peaks, the first ones of the list; fewer than there are lights. 0: no peak is taken
-    /// apart.
-    pub slots: usize,
-    /// Luminance above which a pixel belongs to a peak, in mean luminances of the map; above 1.
-    pub threshold: f64,
-}
+/// Luminance above which a pixel may belong to a peak, in mean luminances of the map. It clears a hazy sky's glow about
+/// the Moon, where 3 to 5 serve equally well.
+const LIMIT: f64 = 4.0;
 
-impl Default for PeakOptions {
-    /// No slots; a threshold that clears a hazy sky's glow about the Moon (3 to 5 serve equally well there).
-    fn default() -> Self {
-        Self { slots: 0, threshold: 4.0 }
-    }
-}
+/// Up to which RMS angle about its direction a component is one source for any number of lights ...
+const LEAST_SPREAD_MAX_RAD: f64 = PI / 180.0;
+/// ... and in spreads of an even cell of the hemisphere, which is 1 / sqrt(n) for n lights: a wider source is better
+/// shared by several lights.
+const SPREAD_MAX_OF_CELL: f64 = 0.25;
 
-impl PeakOptions {
-    /// # Errors
-    /// `Usage`, naming the key: no light is left for the rest of the map, or a threshold that is not finite and
-    /// above 1.
-    pub(super) fn check(&self, count: usize) -> Result<()> {
-        if self.slots >= count {
-            return Err(Error::usage(format!(
-                "peaks.slots: {} of {count} lights leave none for the rest of the map; give fewer",
-                self.slots
-            )));
-        }
-        if !(self.threshold > 1.0 && self.threshold.is_finite()) {
-            return Err(Error::usage(format!(
-                "peaks.threshold: {} must be above 1, in mean luminances of the map",
-                self.threshold
-            )));
-        }
-        Ok(())
-    }
-}
+/// A peak holds this many equal shares of the map's power, or this part of it if that is less ...
+const SHARES: f64 = 16.0;
+const PART_OF_POWER: f64 = 0.125;
+/// ... or it holds this many equal shares, and this part of all that the map has above the limit: the one Moon over a
+/// hazy sky, but not the lamps of a hall, which would come and go as they flicker.
+const LEAST_SHARES: f64 = 0.25;
+const PART_OF_EXCESS: f64 = 0.5;
 
-/// RMS angle about its direction up to which a component is one source and not a bright part of the sky.
-const SPREAD_MAX_RAD: f64 = 4.0 * PI / 180.0;
+/// By how much a peak that is known may fall short of all this, so that it does not come and go.
+const EASE: f64 = 2.0;
 
 /// Largest step of a peak from one frame to the next.
-const STEP_MAX_RAD: f64 = 6.0 * PI / 180.0;
+pub(super) const STEP_MAX_RAD: f64 = 6.0 * PI / 180.0;
 
-/// How much brighter than a peak that has a slot another must be to take its place among the brightest.
-const STAYING_FACTOR: f64 = 2.0;
-
-/// A slot whose peak is gone rests so long before another may have it, three lengths of the default filter, so that
-/// the filter never leads one light from the old peak to the new.
-const REST_S: f64 = 1.0;
-
-/// Takes the peaks of one map after another apart.
+/// Finds the peaks of one map after another.
 #[derive(Clone, Debug)]
 pub(super) struct Peaks {
     shape: PolarShape,
-    threshold: f64,
-    slots: Vec<Slot>,
-    /// The map without its peaks.
+    light_count: usize,
+    most: usize,
+    /// The map without its peaks, where it has any.
     rest: PolarMap,
     is_open: Vec<bool>,
-    /// Pixels to visit, and those of all components one after another.
+    /// Pixels to visit, and those of all peaks one after another.
     stack: Vec<usize>,
     members: Vec<usize>,
     found: Vec<Peak>,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Slot {
-    /// Of its last peak.
-    direction: DVec3,
-    share: Share,
-    /// Frames since it had a peak; `None` if it never had one.
-    idle_frames: Option<u64>,
-}
-
+/// One of them.
 #[derive(Clone, Debug)]
-struct Peak {
-    share: Share,
-    direction: DVec3,
+pub(super) struct Peak {
+    /// What it has above the limit.
+    pub(super) share: Share,
+    /// Where to, a unit vector.
+    pub(super) direction: DVec3,
+    flux: f64,
     members: Range<usize>,
-    rank: f64,
 }
 
 impl Peaks {
-    /// For maps of one shape; options that were checked.
-    pub(super) fn new(shape: PolarShape, options: &PeakOptions) -> Self {
-        let empty = Slot { direction: DVec3::Y, share: Share::default(), idle_frames: None };
+    /// For maps of one shape and lists of so many lights, of which at most an eighth are peaks.
+    pub(super) fn new(shape: PolarShape, light_count: usize) -> Self {
+        let most = light_count / 8;
         Self {
             shape,
-            threshold: options.threshold,
-            slots: vec![empty; options.slots],
+            light_count,
+            most,
             rest: PolarMap::black(shape),
             is_open: vec![false; shape.len()],
             // As much as any map can need: nothing is allocated later.
             stack: Vec::with_capacity(shape.len()),
             members: Vec::with_capacity(shape.len()),
-            found: Vec::with_capacity(options.slots + 1),
+            found: Vec::with_capacity(most + 1),
         }
     }
 
-    /// Takes the light of the peaks into the slots and gives the rest of the map. Power and colour stay what they were:
-    /// peaks and rest add up to the map.
-    pub(super) fn step(&mut self, map: &PolarMap) -> &PolarMap {
-        self.rest.stamp = map.stamp;
-        self.rest.pixels.clone_from(&map.pixels);
-        for slot in &mut self.slots {
-            slot.share = Share::default();
-            slot.idle_frames = slot.idle_frames.map(|frames| frames + 1);
-        }
-        let limit = self.threshold * mean_luminance(map);
-        self.find(limit);
-        // Known peaks first: a new one must not take a slot that a fainter peak is about to claim.
-        self.found.retain(|peak| {
-            let known = nearest(&mut self.slots, peak.direction);
-            known.map(|slot| slot.take(peak, &mut self.rest, &self.members, limit)).is_none()
-        });
-        let rest_frames = (REST_S * map.stamp.frame_rate_hz).ceil() as u64;
-        for peak in &self.found {
-            let free = self.slots.iter_mut().find(|slot| slot.idle_frames.is_none_or(|n| n > rest_frames));
-            if let Some(slot) = free {
-                slot.take(peak, &mut self.rest, &self.members, limit);
-            }
-        }
-        &self.rest
-    }
-
-    /// One light for each slot, ids from 0; without power towards its last peak (before there was one, +Y).
-    pub(super) fn lights(&self) -> impl Iterator<Item = Light> {
-        let light =
-            |(id, slot): (usize, &Slot)| slot.share.light(id as u32, slot.direction.as_vec3().to_array());
-        self.slots.iter().enumerate().map(light)
-    }
-
-    /// Fills `found` with the brightest compact components, at most one a slot, brightest first.
-    fn find(&mut self, limit: f64) {
+    /// The peaks of the map, brightest first, and the map without them: together they are the map, in power and colour.
+    /// `is_known` says whether there was one in about a direction in the last frame.
+    pub(super) fn find<'a>(
+        &'a mut self,
+        map: &'a PolarMap,
+        is_known: impl Fn(DVec3) -> bool,
+    ) -> (&'a [Peak], &'a PolarMap) {
         self.found.clear();
         self.members.clear();
-        for (is_open, &pixel) in self.is_open.iter_mut().zip(&self.rest.pixels) {
-            // A map without light has none above its mean of 0.
-            *is_open = luminance_f64(pixel.map(f64::from)) > limit;
+        let (power, mean) = power_and_mean(map);
+        let limit = LIMIT * mean;
+        let excess = self.open(map, limit);
+        let least = Least::new(self.light_count, power, excess);
+        // Less than this is no peak at all, whatever pixels it is made of.
+        if self.most == 0 || excess < least.known_flux() {
+            return (&[], map);
         }
         for start in 0..self.is_open.len() {
-            if !self.is_open[start] {
-                continue;
+            if self.is_open[start] {
+                self.consider(map, start, limit, &least, &is_known);
             }
-            let first = self.members.len();
-            self.collect(start);
-            let members = first..self.members.len();
-            let mut share = Share::default();
-            for &index in &self.members[members.clone()] {
-                share.add(&excess(&self.rest, index, limit));
-            }
-            let flux = luminance_f64(share.flux);
-            let direction = share.moment.normalize_or(DVec3::Y);
-            if share.moment.length() < SPREAD_MAX_RAD.cos() * flux {
-                continue;
-            }
-            let is_known = nearest(&mut self.slots, direction).is_some();
-            let rank = if is_known { STAYING_FACTOR * flux } else { flux };
-            let place = self.found.partition_point(|peak| peak.rank >= rank);
-            self.found.insert(place, Peak { share, direction, members, rank });
-            self.found.truncate(self.slots.len());
         }
+        if self.found.is_empty() {
+            return (&[], map);
+        }
+        self.rest.stamp = map.stamp;
+        self.rest.pixels.clone_from(&map.pixels);
+        for peak in &self.found {
+            for &index in &self.members[peak.members.clone()] {
+                let pixel = &mut self.rest.pixels[index];
+                let kept = limit / luminance_f64(pixel.map(f64::from));
+                *pixel = pixel.map(|value| (f64::from(value) * kept) as f32);
+            }
+        }
+        (&self.found, &self.rest)
+    }
+
+    /// Opens the pixels above the limit and gives the luminous power that they have above it.
+    fn open(&mut self, map: &PolarMap, limit: f64) -> f64 {
+        let mut excess = 0.0;
+        let columns = self.shape.columns;
+        let rows = self.is_open.chunks_exact_mut(columns).zip(map.pixels.chunks_exact(columns));
+        for (row, (is_open, pixels)) in rows.enumerate() {
+            let mut above = 0.0;
+            for (is_open, &pixel) in is_open.iter_mut().zip(pixels) {
+                let luminance = f64::from(luminance(pixel));
+                // A map without light has none above its mean of 0.
+                *is_open = luminance > limit;
+                above += (luminance - limit).max(0.0);
+            }
+            excess += above * self.shape.pixel_solid_angle(row);
+        }
+        excess
+    }
+
+    /// Closes the component of a pixel, and keeps it among the brightest if it is a peak.
+    fn consider(
+        &mut self,
+        map: &PolarMap,
+        start: usize,
+        limit: f64,
+        least: &Least,
+        is_known: &impl Fn(DVec3) -> bool,
+    ) {
+        let first = self.members.len();
+        self.collect(start);
+        let mut share = Share::default();
+        for &index in &self.members[first..] {
+            share.add(&excess_of(map, index, limit));
+        }
+        let flux = share.luminous_flux();
+        let direction = share.moment.normalize_or(DVec3::Y);
+        if !least.allows(flux, share.moment.length(), is_known(direction)) {
+            self.members.truncate(first);
+            return;
+        }
+        let place = self.found.partition_point(|peak| peak.flux >= flux);
+        self.found.insert(place, Peak { share, direction, flux, members: first..self.members.len() });
+        self.found.truncate(self.most);
     }
 
     /// Appends to `members` the open pixels that hang together with `start` (eight neighbours), and closes them. The
@@ -213,29 +192,48 @@ impl Peaks {
     }
 }
 
-impl Slot {
-    fn take(&mut self, peak: &Peak, rest: &mut PolarMap, members: &[usize], limit: f64) {
-        (self.direction, self.share, self.idle_frames) = (peak.direction, peak.share, Some(0));
-        for &index in &members[peak.members.clone()] {
-            let pixel = &mut rest.pixels[index];
-            let kept = limit / luminance_f64(pixel.map(f64::from));
-            *pixel = pixel.map(|value| (f64::from(value) * kept) as f32);
+/// What a component must hold, and how narrow it must be.
+struct Least {
+    flux: f64,
+    cos_spread: f64,
+    cos_known_spread: f64,
+}
+
+impl Least {
+    fn new(light_count: usize, power: f64, excess: f64) -> Self {
+        let count = light_count as f64;
+        let strong = (SHARES / count).min(PART_OF_POWER) * power;
+        let lonely = (LEAST_SHARES / count * power).max(PART_OF_EXCESS * excess);
+        let spread_rad = (SPREAD_MAX_OF_CELL / count.sqrt()).max(LEAST_SPREAD_MAX_RAD);
+        Self {
+            flux: strong.min(lonely),
+            cos_spread: spread_rad.cos(),
+            cos_known_spread: (EASE.sqrt() * spread_rad).cos(),
         }
+    }
+
+    fn known_flux(&self) -> f64 {
+        self.flux / EASE
+    }
+
+    /// Whether a component of some flux and first moment is a peak. NaN, of radiances near the largest, is none.
+    fn allows(&self, flux: f64, moment: f64, is_known: bool) -> bool {
+        let (least_flux, cos_spread) = if is_known {
+            (self.known_flux(), self.cos_known_spread)
+        } else {
+            (self.flux, self.cos_spread)
+        };
+        flux > 0.0 && flux >= least_flux && moment >= cos_spread * flux
     }
 }
 
-/// The slot whose last peak, not yet found again, is nearest to a direction and within a step of it.
-fn nearest(slots: &mut [Slot], direction: DVec3) -> Option<&mut Slot> {
-    let angle = |slot: &Slot| angle_between(slot.direction, direction);
-    slots
-        .iter_mut()
-        .filter(|slot| slot.idle_frames.is_some() && luminance_f64(slot.share.flux) == 0.0)
-        .filter(|slot| angle(slot) <= STEP_MAX_RAD)
-        .min_by(|a, b| angle(a).total_cmp(&angle(b)))
+/// Whether a peak in direction `a` may be the one that was in direction `b` a frame ago.
+pub(super) fn is_a_step(a: DVec3, b: DVec3) -> bool {
+    angle_between(a, b) <= STEP_MAX_RAD
 }
 
 /// What a pixel has above the limit.
-fn excess(map: &PolarMap, index: usize, limit: f64) -> Share {
+fn excess_of(map: &PolarMap, index: usize, limit: f64) -> Share {
     let (row, column) = (index / map.shape.columns, index % map.shape.columns);
     let rgb = map.pixels[index].map(f64::from);
     let luminance = luminance_f64(rgb);
@@ -246,15 +244,14 @@ fn excess(map: &PolarMap, index: usize, limit: f64) -> Share {
     }
 }
 
-fn mean_luminance(map: &PolarMap) -> f64 {
-    let (mut flux, mut solid_angle) = (0.0, 0.0);
+/// Luminous power and mean luminance.
+fn power_and_mean(map: &PolarMap) -> (f64, f64) {
+    let (mut power, mut solid_angle) = (0.0, 0.0);
     for (row, pixels) in map.pixels.chunks_exact(map.shape.columns).enumerate() {
         let of_pixel = map.shape.pixel_solid_angle(row);
-        flux += of_pixel * pixels.iter().map(|pixel| luminance_f64(pixel.map(f64::from))).sum::<f64>();
+        power += of_pixel * pixels.iter().map(|&pixel| f64::from(luminance(pixel))).sum::<f64>();
         solid_angle += of_pixel * pixels.len() as f64;
     }
-    flux / solid_angle
+    (power, power / solid_angle)
 }
 
-#[cfg(test)]
-mod tests;

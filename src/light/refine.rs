@@ -5,13 +5,14 @@
 //! `|V| / F` is the mean of `cos a`, so that this is the RMS angle up to terms of a^4: 0.2 % below it for an even
 //! disc of radius 0.5 rad. Unlike the RMS itself it needs one pass, and shares can be joined exactly: F and V add.
 
+use super::nearest::NearestSites;
 use super::Light;
-use crate::image::{PolarMap, luminance_f64};
+use crate::image::{PolarMap, PolarShape, luminance_f64};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
 /// RGB flux and luminous first moment of a share.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Share {
     pub(super) flux: [f64; 3],
     pub(super) moment: DVec3,
@@ -30,6 +31,10 @@ impl Share {
             self.flux[channel] += other.flux[channel];
         }
         self.moment += other.moment;
+    }
+
+    pub(super) fn luminous_flux(&self) -> f64 {
+        luminance_f64(self.flux)
     }
 
     /// The light of this share; towards `site` where the share has no flux or its directions cancel.
@@ -57,41 +62,49 @@ impl Share {
     }
 }
 
-/// Sums the map over the cells of a nearest-site assignment, in one pass.
+/// The cells of sites: which pixels are nearest to each, and what they hold. One pass over the map for each.
 #[derive(Clone, Debug)]
-pub(super) struct Cells {
+pub(super) struct Voronoi {
+    nearest_sites: NearestSites,
+    /// The number of the site of every pixel.
+    nearest: Vec<u32>,
     /// Cosine and sine per column, at its centre.
     azimuths: Vec<[f64; 2]>,
     shares: Vec<Share>,
 }
 
-impl Cells {
-    /// For maps of so many columns and at most `site_count` sites.
-    pub(super) fn new(columns: usize, site_count: usize) -> Self {
-        let azimuths = (0..columns)
+impl Voronoi {
+    /// For maps of one shape and at most `site_count` sites.
+    pub(super) fn new(shape: PolarShape, site_count: usize) -> Self {
+        let azimuths = (0..shape.columns)
             .map(|column| {
-                let (sin, cos) = (TAU * (column as f64 + 0.5) / columns as f64).sin_cos();
+                let (sin, cos) = (TAU * (column as f64 + 0.5) / shape.columns as f64).sin_cos();
                 [cos, sin]
             })
             .collect();
-        Self { azimuths, shares: Vec::with_capacity(site_count) }
+        Self {
+            nearest_sites: NearestSites::new(shape, site_count),
+            nearest: vec![0; shape.len()],
+            azimuths,
+            shares: Vec::with_capacity(site_count),
+        }
     }
 
     /// Writes the light of the cell of every site: its RGB flux (the sum over all lights is that of the map), its
     /// flux-weighted mean direction and its spread. The light of an empty cell has no power and the site's direction.
-    ///
-    /// `nearest` has the index of the site of every pixel.
-    pub(super) fn refine(
-        &mut self,
-        map: &PolarMap,
-        nearest: &[u32],
-        sites: &[[f32; 3]],
-        lights: &mut Vec<Light>,
-    ) {
+    pub(super) fn refine(&mut self, map: &PolarMap, sites: &[[f32; 3]], lights: &mut Vec<Light>) {
+        let cells = self.sum(map, sites).iter().zip(sites).enumerate();
+        lights.clear();
+        lights.extend(cells.map(|(id, (share, &site))| share.light(id as u32, site)));
+    }
+
+    /// What the cell of every site holds.
+    pub(super) fn sum(&mut self, map: &PolarMap, sites: &[[f32; 3]]) -> &[Share] {
+        self.nearest_sites.assign(sites, &mut self.nearest);
         self.shares.clear();
         self.shares.resize(sites.len(), Share::default());
         let shape = map.shape;
-        let rows = map.pixels.chunks_exact(shape.columns).zip(nearest.chunks_exact(shape.columns));
+        let rows = map.pixels.chunks_exact(shape.columns).zip(self.nearest.chunks_exact(shape.columns));
         for (row, (pixels, nearest)) in rows.enumerate() {
             let theta_rad = shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64;
             let (sin_theta, cos_theta) = theta_rad.sin_cos();
@@ -107,9 +120,7 @@ impl Cells {
                 start = end;
             }
         }
-        lights.clear();
-        let cells = self.shares.iter().zip(sites).enumerate();
-        lights.extend(cells.map(|(id, (share, &site))| share.light(id as u32, site)));
+        &self.shares
     }
 }
 

@@ -1,4 +1,4 @@
-//! Persistent lights over long sequences: what does not wear out, and what recovers.
+//! Persistent and adaptive lights over long sequences: what does not wear out, and what recovers.
 
 use super::error::NORMAL_COUNT;
 use super::measure::{Emitters, relative_rms};
@@ -8,6 +8,7 @@ use crate::image::{PolarMap, PolarShape};
 use crate::math::angle_between;
 use glam::DVec3;
 
+const FOLLOWED: [Sampler; 2] = [Sampler::Persistent, Sampler::Adaptive];
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 
 /// The map turned by whole columns: what stood in column c stands in column c - `columns`.
@@ -52,10 +53,10 @@ fn worst_and_p99(values: &mut [f64]) -> [f64; 2] {
 
 /// A hundred turns of the garden, `step` columns a frame: no turn is worse than the first. The motion of a frame is
 /// the RMS over its lights.
-fn hundred_turns(step: usize) {
+fn hundred_turns(sampler: Sampler, step: usize) {
     let Some(map) = real_map("chinese_garden_1k.hdr", SHAPE) else { return };
     let measure = Measure::new(&map);
-    let mut extractor = extractor(Sampler::Persistent);
+    let mut extractor = extractor(sampler);
     let (mut list, mut frame, mut last) = (LightList::default(), map.clone(), Vec::new());
     let (mut first, mut highest) = ([0.0; 6], [0.0f64; 6]);
     for turn in 0..100 {
@@ -83,7 +84,7 @@ fn hundred_turns(step: usize) {
         }
     }
     println!(
-        "{step} columns a frame: error worst frame, p99; motion worst frame, p99; of a light p99, farthest; in degrees"
+        "{sampler:?}, {step} columns a frame: error worst frame, p99; motion worst frame, p99; of a light p99, farthest; in degrees"
     );
     println!("  turn 1      {first:.5?}\n  turns 2-100 {highest:.5?} (the highest of any turn)");
     for i in 0..5 {
@@ -95,12 +96,12 @@ fn hundred_turns(step: usize) {
 
 #[test]
 fn a_hundred_turns_of_a_sunny_panorama_wear_nothing_out() {
-    hundred_turns(1);
+    FOLLOWED.into_iter().for_each(|sampler| hundred_turns(sampler, 1));
 }
 
 #[test]
 fn a_hundred_fast_turns_of_a_sunny_panorama_wear_nothing_out() {
-    hundred_turns(4);
+    FOLLOWED.into_iter().for_each(|sampler| hundred_turns(sampler, 4));
 }
 
 fn extractor(sampler: Sampler) -> Extractor {

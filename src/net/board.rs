@@ -178,8 +178,8 @@ impl Shortener {
     fn shorten(&mut self, list: &LightList, count: usize) -> &LightList {
         prefix(&list.lights, count, &mut self.joined);
         let short = &mut self.list;
-        (short.stamp, short.filter_delay_frames, short.power) =
-            (list.stamp, list.filter_delay_frames, list.power);
+        (short.stamp, short.filter_delay_frames, short.chosen_lights, short.power) =
+            (list.stamp, list.filter_delay_frames, list.chosen_lights, list.power);
         short.lights.clone_from(&self.joined);
         short.prefix_errors.clear();
         short.prefix_errors.extend(list.prefix_errors.iter().filter(|(length, _)| *length as usize <= count));

@@ -9,10 +9,10 @@
 use super::sequence_maps::{garden_frame, hall_frame};
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape, Stamp};
-use crate::light::measure::Emitters;
-use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
+use crate::light::measure::{Emitters, soft_ground_cells};
+use crate::light::{Extractor, Inversion, Light, LightList, Options, Sampler};
 use crate::math::angle_between;
-use crate::temporal::{FilterOptions, LightFilter, design};
+use crate::temporal::{Directions, FilterOptions, LightFilter, design};
 use glam::DVec3;
 
 /// Size of the maps that the figures are given for.
@@ -29,12 +29,34 @@ const START_UP: usize = 8;
 /// How the lights of a sequence are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Equal-power lights by the bicontinuous inversion, each frame by itself: the paper's.
+    /// Equal-power lights by the bicontinuous inversion with normalised rows, each frame by itself: the paper's.
     Paper,
     /// Refined lights, each frame by itself.
     Refined,
     /// Persistent lights.
     Persistent,
+    /// Adaptive lights, and directions filtered by power: what `lightcast run` does by default.
+    Adaptive,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Paper, Self::Refined, Self::Persistent, Self::Adaptive];
+
+    fn sampler(self) -> Sampler {
+        match self {
+            Self::Paper => Sampler::EqualPower,
+            Self::Refined => Sampler::Refined,
+            Self::Persistent => Sampler::Persistent,
+            Self::Adaptive => Sampler::Adaptive,
+        }
+    }
+
+    /// The paper's filter for the methods of METHODS' table, which were measured with it.
+    fn filter(self) -> FilterOptions {
+        let directions = if self == Self::Adaptive { Directions::ByPower } else { Directions::Alike };
+        FilterOptions { directions, ..FilterOptions::default() }
+    }
 }
 
 /// How far lists are from the truth over a sequence, and how unsteadily.
@@ -52,10 +74,14 @@ pub struct Figures {
 /// Figures of one method on one sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeforeAndAfter {
-    /// Of the lists as they are extracted.
+    /// Of the lists as they are extracted, every light a direction.
     pub before: Figures,
-    /// Of the filtered lists.
+    /// Of the filtered lists, every light a direction.
     pub after: Figures,
+    /// Of the lists as they are extracted, shadows softened by the lights' spread.
+    pub soft_before: Figures,
+    /// Of the filtered lists, shadows softened by the lights' spread.
+    pub soft_after: Figures,
 }
 
 /// A sequence of maps with its truth.
@@ -119,15 +145,18 @@ impl Sequence {
     /// # Errors
     /// Those of the extractor and the filter.
     pub fn measure(&self, method: Method) -> Result<BeforeAndAfter> {
-        let sampler = match method {
-            Method::Paper => Sampler::EqualPower,
-            Method::Refined => Sampler::Refined,
-            Method::Persistent => Sampler::Persistent,
+        let options = Options {
+            count: LIGHTS,
+            sampler: method.sampler(),
+            inversion: if method == Method::Paper {
+                Inversion::NormalisedRows
+            } else {
+                Inversion::Bicontinuous
+            },
+            ..Options::default()
         };
-        let options =
-            Options { count: LIGHTS, sampler, inversion: Inversion::Bicontinuous, ..Options::default() };
         let mut extractor = Extractor::new(SHAPE, &options)?;
-        let mut filter = LightFilter::new(&FilterOptions::default())?;
+        let mut filter = LightFilter::new(&method.filter())?;
         let (mut before, mut after) = (Vec::new(), Vec::new());
         for map in &self.maps {
             let (mut list, mut filtered) = (LightList::default(), LightList::default());
@@ -137,8 +166,10 @@ impl Sequence {
             after.push(filtered);
         }
         Ok(BeforeAndAfter {
-            before: figures(&before, &self.truth),
-            after: figures(&after[START_UP..], &self.filtered_truth[START_UP..]),
+            before: figures(&before, &self.truth, hard),
+            after: figures(&after[START_UP..], &self.filtered_truth[START_UP..], hard),
+            soft_before: figures(&before, &self.truth, soft),
+            soft_after: figures(&after[START_UP..], &self.filtered_truth[START_UP..], soft),
         })
     }
 }
@@ -160,10 +191,22 @@ fn values(emitters: &Emitters) -> Vec<f64> {
     values
 }
 
-fn figures(lists: &[LightList], truth: &[Vec<f64>]) -> Figures {
+/// Every light a direction.
+fn hard(lights: &[Light]) -> Vec<f64> {
+    values(&Emitters::from_lights(lights))
+}
+
+/// Shadows softened by the lights' spread.
+fn soft(lights: &[Light]) -> Vec<f64> {
+    let mut values = soft_ground_cells(lights, 10, 6);
+    values.extend(Emitters::from_lights(lights).irradiances(100));
+    values
+}
+
+fn figures(lists: &[LightList], truth: &[Vec<f64>], values: fn(&[Light]) -> Vec<f64>) -> Figures {
     let differences: Vec<Vec<f64>> = (lists.iter().zip(truth))
         .map(|(list, truth)| {
-            let values = values(&Emitters::from_lights(&list.lights));
+            let values = values(&list.lights);
             values.iter().zip(truth).map(|(value, truth)| value - truth).collect()
         })
         .collect();
@@ -204,7 +247,6 @@ pub(super) fn percentile(sorted: &[f64], fraction: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::Light;
     use crate::math::direction;
 
     /// A lamp overhead of some power, beside a still one at the side that turns by `turn_rad` a frame.
@@ -232,11 +274,11 @@ mod tests {
         // All values scale with the power, so an offset of 10 % is 0.1 of the RMS value.
         let tenth = 0.1 * square.sqrt() / mean;
         let steady: Vec<LightList> = (0..10).map(|_| list(1.1, 0.0)).collect();
-        let found = figures(&steady, &reference);
+        let found = figures(&steady, &reference, hard);
         assert!((found.error / tenth - 1.0).abs() < 1e-6 && found.flicker < 1e-12, "{found:?}");
         let alternating: Vec<LightList> =
             (0..10).map(|t| list(if t % 2 == 0 { 1.1 } else { 0.9 }, 0.0)).collect();
-        let found = figures(&alternating, &reference);
+        let found = figures(&alternating, &reference, hard);
         // Second difference of +e, -e, +e is 4 e.
         assert!((found.error / tenth - 1.0).abs() < 1e-6, "{found:?}");
         assert!((found.flicker / (4.0 * tenth) - 1.0).abs() < 1e-6, "{found:?}");
@@ -246,7 +288,7 @@ mod tests {
     fn motion_is_in_degrees_a_frame_over_all_slots() {
         let lists: Vec<LightList> = (0..10).map(|t| list(1.0, 0.02 * f64::from(t))).collect();
         let reference: Vec<Vec<f64>> = lists.iter().map(truth).collect();
-        let [p50, p99, max] = figures(&lists, &reference).motion_deg;
+        let [p50, p99, max] = figures(&lists, &reference, hard).motion_deg;
         // Half the lights stand still, the others turn by 0.02 rad.
         let turn = 0.02f64.to_degrees();
         assert!((p50 - 0.5 * turn).abs() < 1e-4 && (p99 - turn).abs() < 1e-4 && (max - turn).abs() < 1e-4);

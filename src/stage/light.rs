@@ -6,6 +6,7 @@ use crate::net::Board;
 use crate::rt::link::{Closed, Sender};
 use crate::rt::stage::{Flow, Stage};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Turns a map into lights. Copies of some maps may go to others, and the newest onto a board.
 pub struct Light {
@@ -26,7 +27,11 @@ impl Stage for Light {
     type Output = LightList;
 
     fn step(&mut self, map: &PolarMap, list: &mut LightList) -> Result<Flow> {
+        let start = self.extractor.has_budget().then(Instant::now);
         self.extractor.step(map, list);
+        if let Some(start) = start {
+            self.extractor.took(start.elapsed(), map.stamp.frame_rate_hz);
+        }
         // A reader that has ended gets no more; if it failed, the supervisor knows.
         self.taps.retain_mut(|tap| tap.offer(map).is_ok());
         if let Some(board) = &self.board {

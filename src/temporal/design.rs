@@ -33,12 +33,25 @@ pub struct FilterOptions {
     pub stop_hz: f64,
     /// Wanted delay in seconds; rounded to whole frames it sets the order.
     pub delay_s: f64,
+    /// How frames weigh in a light's direction.
+    pub directions: Directions,
+}
+
+/// How frames weigh in the direction of a filtered light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Directions {
+    /// By the light's power: the irradiance is filtered.
+    #[default]
+    ByPower,
+    /// All alike, whether the light shines or not: the paper's.
+    Alike,
 }
 
 impl Default for FilterOptions {
     /// The published filter: 7 Hz, 9.6 Hz, 4 frames at 25 Hz.
     fn default() -> Self {
-        Self { enabled: true, pass_hz: 7.0, stop_hz: 9.6, delay_s: 0.16 }
+        Self { enabled: true, pass_hz: 7.0, stop_hz: 9.6, delay_s: 0.16, directions: Directions::ByPower }
     }
 }
 

@@ -2,13 +2,19 @@
 
 use super::energy::EnergyFilter;
 use super::history::History;
-use super::{FilterOptions, Taps, design};
+use super::{Directions, FilterOptions, Taps, design};
 use crate::error::Result;
-use crate::image::Stamp;
+use crate::image::{Stamp, luminance_f64};
 use crate::light::LightList;
 use crate::light::error::ListError;
 use glam::DVec3;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// How much of the variance of a light's direction over the window becomes spread. All of it would be the RMS angle of
+/// the filtered light about its direction, but the taps put most of the light, 60 %, in one place and the rest far from
+/// it, with either sign: the disc whose shadow edge fits that best, in the mean square, has a quarter to half of the
+/// variance, whatever the light's own spread is.
+const MOTION_SHARE: f64 = 1.0 / 3.0;
 
 /// Length of the weighted sum of unit vectors below which it says nothing about where the light is: a jitter of
 /// the input is then more than ten times as large in the output.
@@ -20,9 +26,13 @@ const LEAST_VECTOR: f64 = 0.1;
 ///   against the equally filtered truth, pass the taps as energies: what leaves is >= 0, and in total as much
 ///   leaves as came in, per colour channel of the list. What clipping a light at zero would add is taken from
 ///   what other lights have above their steady level, then from the following frames.
-/// - *Direction*: the weighted sum of the unit vectors, normalised; where they nearly cancel (sum shorter than
-///   0.1), the direction at the centre tap.
-/// - *Spread*: the weighted sum of the angles, limited to [0, pi]; it is no energy, so nothing is carried over.
+/// - *Direction*: the weighted sum of the first moments (luminous flux times mean direction), normalised: what is
+///   filtered then is the irradiance itself, as far as no horizon cuts it, and a light that goes out in one place and
+///   on in another never shines from between. Where moments nearly cancel or there are none, or where the options say
+///   so, the weighted sum of the unit vectors as in the paper; where these nearly cancel too (sum shorter than 0.1), the
+///   direction at the centre tap.
+/// - *Spread*: of the flux about this direction, its motion while it is filtered counted by a third (see
+///   [`MOTION_SHARE`]); with the paper's directions the weighted sum of the angles, limited to [0, pi].
 ///
 /// The filter starts with a history full of the first list, as if that had always been there, so lists leave from
 /// the first frame on. A list carries the stamp and the ids of the newest input and
@@ -41,12 +51,11 @@ pub struct LightFilter {
     taps: Taps,
     last: Option<Stamp>,
     light_count: usize,
-    /// Rows: R of every light, G, B, reference irradiances; then x, y, z of every light; then the spreads.
+    /// Rows: R of every light, G, B, reference irradiances; then [`Track`] of every light.
     history: History,
     energies: EnergyFilter,
     energy_count: usize,
-    /// Weighted sums of the columns behind the energies.
-    sums: Vec<f64>,
+    sums: Vec<Sums>,
     error: ListError,
 }
 
@@ -116,13 +125,13 @@ impl LightFilter {
             self.taps = design(list.stamp.frame_rate_hz, &self.options)?;
             self.light_count = list.lights.len();
             self.energy_count = energy_count(list);
-            let behind = 4 * self.light_count;
-            self.history = History::new(self.taps.as_slice().len(), self.energy_count + behind);
+            let columns = self.energy_count + TRACK * self.light_count;
+            self.history = History::new(self.taps.as_slice().len(), columns);
             // One debt a channel for all lights, one for every reference irradiance.
             let references = std::iter::repeat_n(1, list.reference_irradiance.len());
             let groups = [self.light_count; 3].into_iter().chain(references);
             self.energies = EnergyFilter::new(self.taps.as_slice(), groups);
-            self.sums = vec![0.0; behind];
+            self.sums = vec![Sums::default(); self.light_count];
         }
         self.energies.clear();
         write_row(list, self.history.newest_mut());
@@ -146,25 +155,80 @@ impl LightFilter {
     }
 
     fn write_directions_and_spreads(&mut self, filtered: &mut LightList) {
-        self.sums.fill(0.0);
+        let tracks = |age: usize| self.history.row(age)[self.energy_count..].as_chunks::<TRACK>().0;
+        self.sums.fill(Sums::default());
         for (age, &tap) in self.taps.as_slice().iter().enumerate() {
-            for (sum, &value) in self.sums.iter_mut().zip(&self.history.row(age)[self.energy_count..]) {
-                *sum += tap * f64::from(value);
+            for (sums, track) in self.sums.iter_mut().zip(tracks(age)) {
+                sums.add(tap, track);
             }
         }
-        let (vectors, spreads) = self.sums.split_at(3 * self.light_count);
-        let centre = &self.history.row(self.taps.order() / 2)[self.energy_count..];
-        let lights = filtered.lights.iter_mut().zip(centre.chunks_exact(3));
-        for ((light, centre), (sum, &spread)) in lights.zip(vectors.chunks_exact(3).zip(spreads)) {
-            let sum = DVec3::from_slice(sum);
-            let length = sum.length();
+        let by_power = self.options.directions == Directions::ByPower;
+        let centre = tracks(self.taps.order() / 2);
+        for ((light, sums), centre) in filtered.lights.iter_mut().zip(&self.sums).zip(centre) {
+            let length = sums.unit.length();
             light.direction = if length >= LEAST_VECTOR {
-                (sum / length).as_vec3().to_array()
+                (sums.unit / length).as_vec3().to_array()
             } else {
                 [centre[0], centre[1], centre[2]]
             };
-            light.spread_rad = spread.clamp(0.0, PI) as f32;
+            light.spread_rad = sums.spread_rad.clamp(0.0, PI) as f32;
         }
+        if !by_power {
+            return;
+        }
+        for (slot, (light, sums)) in filtered.lights.iter_mut().zip(&self.sums).enumerate() {
+            let Some(direction) = sums.direction() else { continue };
+            light.direction = direction.as_vec3().to_array();
+            let about = DVec3::from(light.direction.map(f64::from));
+            let taps = self.taps.as_slice().iter().enumerate();
+            let motion: f64 = taps
+                .map(|(age, tap)| {
+                    let [x, y, z, _, moment, _] = tracks(age)[slot].map(f64::from);
+                    // 1 - cos a, which keeps its digits where a is small.
+                    tap * moment * 0.5 * (DVec3::new(x, y, z) - about).length_squared()
+                })
+                .sum();
+            let defect = (sums.defect + MOTION_SHARE * motion) / (sums.moment + sums.defect);
+            light.spread_rad = (2.0 * (0.5 * defect.clamp(0.0, 1.0)).sqrt().asin()) as f32;
+        }
+    }
+}
+
+/// What is known of a light in a frame besides its power: unit vector, spread in radians, length of the first moment
+/// (luminous flux times the cosine of the spread), and by how much the luminous flux is more than that.
+const TRACK: usize = 6;
+type Track = [f32; TRACK];
+
+/// Sums over the window, each weighted by the taps.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    unit: DVec3,
+    spread_rad: f64,
+    vector: DVec3,
+    moment: f64,
+    defect: f64,
+    /// Of the moments' lengths by the taps' magnitudes.
+    magnitude: f64,
+}
+
+impl Sums {
+    fn add(&mut self, tap: f64, track: &Track) {
+        let [x, y, z, spread_rad, moment, defect] = track.map(f64::from);
+        let (unit, moment) = (DVec3::new(x, y, z), tap * moment);
+        self.unit += tap * unit;
+        self.spread_rad += tap * spread_rad;
+        self.vector += moment * unit;
+        self.moment += moment;
+        self.defect += tap * defect;
+        self.magnitude += moment.abs();
+    }
+
+    /// Of the moments, if their sum says where the light is.
+    fn direction(&self) -> Option<DVec3> {
+        let length = self.vector.length();
+        let flux = self.moment + self.defect;
+        let is_certain = length > LEAST_VECTOR * self.magnitude && flux > LEAST_VECTOR * self.magnitude;
+        is_certain.then(|| self.vector / length)
     }
 }
 
@@ -180,8 +244,8 @@ fn write_row(list: &LightList, row: &mut [f32]) {
     let lawful = |value: f32| if (0.0..f32::INFINITY).contains(&value) { value } else { 0.0 };
     let count = list.lights.len();
     let (powers, rest) = row.split_at_mut(3 * count);
-    let (references, rest) = rest.split_at_mut(list.reference_irradiance.len());
-    let (vectors, spreads) = rest.split_at_mut(3 * count);
+    let (references, tracks) = rest.split_at_mut(list.reference_irradiance.len());
+    let tracks = tracks.as_chunks_mut::<TRACK>().0;
     for (slot, light) in list.lights.iter().enumerate() {
         for channel in 0..3 {
             powers[channel * count + slot] = lawful(light.irradiance[channel]);
@@ -189,8 +253,14 @@ fn write_row(list: &LightList, row: &mut [f32]) {
         let points_somewhere =
             light.direction.iter().all(|value| value.is_finite()) && light.direction != [0.0; 3];
         let direction = if points_somewhere { light.direction } else { [0.0, 1.0, 0.0] };
-        vectors[3 * slot..3 * slot + 3].copy_from_slice(&direction);
-        spreads[slot] = lawful(light.spread_rad);
+        let [x, y, z] = direction;
+        let spread_rad = lawful(light.spread_rad);
+        let powers = [0, 1, 2].map(|channel| f64::from(powers[channel * count + slot]));
+        let flux = luminance_f64(powers);
+        // Wider than a right angle the moment would point away from the light.
+        let defect = 2.0 * (0.5 * f64::from(spread_rad).min(FRAC_PI_2)).sin().powi(2);
+        let stored = |value: f64| value.min(f64::from(f32::MAX)) as f32;
+        tracks[slot] = [x, y, z, spread_rad, stored(flux * (1.0 - defect)), stored(flux * defect)];
     }
     for (reference, &value) in references.iter_mut().zip(&list.reference_irradiance) {
         *reference = lawful(value);

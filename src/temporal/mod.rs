@@ -10,5 +10,8 @@ mod energy;
 mod filter;
 mod history;
 
-pub use design::{FilterOptions, Taps, design};
+pub use design::{Directions, FilterOptions, Taps, design};
 pub use filter::LightFilter;
+
+#[cfg(test)]
+mod settle_tests;

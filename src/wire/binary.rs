@@ -134,6 +134,7 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
 
     let list = &mut message.list;
     (list.stamp, list.filter_delay_frames) = (header.stamp, header.filter_delay_frames);
+    list.chosen_lights = None;
     (list.power, list.error) = (header.power, header.error);
     list.reference_irradiance.clear();
     list.prefix_errors.clear();

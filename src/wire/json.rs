@@ -116,7 +116,7 @@ mod tests {
             lost_before: u64::MAX,
             frame_rate_hz: 30e3 / 1001.0,
         };
-        (list.filter_delay_frames, list.error) = (u32::MAX, f32::MAX);
+        (list.filter_delay_frames, list.chosen_lights, list.error) = (u32::MAX, Some(u32::MAX), f32::MAX);
         for power in [0.1 + 0.2, 5e-324, 1e36, 9_007_199_254_740_993.0, 2.225_073_858_507_201e-308] {
             list.power = [power, f64::from(f32::MAX.sqrt()), -0.0];
             list.prefix_errors = vec![(0, 0.0), (u32::MAX, 1e-45), (1, power as f32)];

@@ -1,39 +1,17 @@
-use super::{Voronoi, grow, kollig_keller};
+use super::{grow, kollig_keller, relax};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::light::nearest::NearestSites;
-use crate::light::refine::Cells;
+use crate::light::refine::Voronoi;
 use crate::light::test_maps::{hard_maps, real_map};
 use crate::light::Light;
 use crate::math::fibonacci_sphere;
-
-/// What a relaxation needs.
-struct Bench {
-    nearest_sites: NearestSites,
-    nearest: Vec<u32>,
-    cells: Cells,
-}
-
-impl Bench {
-    fn new(shape: PolarShape, count: usize) -> Self {
-        Self {
-            nearest_sites: NearestSites::new(shape, count),
-            nearest: vec![0; shape.len()],
-            cells: Cells::new(shape.columns, count),
-        }
-    }
-
-    fn voronoi(&mut self) -> Voronoi<'_> {
-        Voronoi { nearest_sites: &mut self.nearest_sites, nearest: &mut self.nearest, cells: &mut self.cells }
-    }
-}
 
 fn even_sites(count: usize) -> Vec<[f32; 3]> {
     fibonacci_sphere(count).map(|direction| direction.as_vec3().to_array()).collect()
 }
 
 fn run(map: &PolarMap, count: usize) -> Vec<Light> {
-    let (mut bench, mut sites, mut lights) = (Bench::new(map.shape, count), even_sites(count), Vec::new());
-    kollig_keller(map, bench.voronoi(), &mut sites, &mut lights);
+    let (mut voronoi, mut sites, mut lights) = (Voronoi::new(map.shape, count), even_sites(count), Vec::new());
+    kollig_keller(map, &mut voronoi, &mut sites, &mut lights);
     lights
 }
 
@@ -65,9 +43,9 @@ fn neither_relaxation_nor_growth_raises_the_energy() {
     });
     for map in [Some(spotted), garden()].into_iter().flatten() {
         let (count, mut used) = (64, 1);
-        let (mut bench, mut sites, mut lights) =
-            (Bench::new(map.shape, count), even_sites(count), Vec::new());
-        bench.voronoi().relax(&map, &mut sites[..1], &mut lights);
+        let (mut voronoi, mut sites, mut lights) =
+            (Voronoi::new(map.shape, count), even_sites(count), Vec::new());
+        relax(&mut voronoi, &map, &mut sites[..1], &mut lights);
         let mut last = energy(&map, &sites[..1]);
         let start = last;
         while used < count {
@@ -77,7 +55,7 @@ fn neither_relaxation_nor_growth_raises_the_energy() {
                 // Sites are rounded to f32.
                 assert!(now <= last * (1.0 + 1e-6), "{used} sites: {last} to {now}");
                 last = now;
-                bench.voronoi().relax(&map, &mut sites[..used], &mut lights);
+                relax(&mut voronoi, &map, &mut sites[..used], &mut lights);
             }
         }
         assert!(last < 0.1 * start, "{start} to {last}");

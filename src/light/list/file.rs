@@ -36,6 +36,7 @@ struct Message<S> {
     frame_rate_hz: f64,
     #[serde(default)]
     filter_delay_frames: u32,
+    chosen_lights: Option<u32>,
     power: Option<[f64; 3]>,
     #[serde(default)]
     error: f32,
@@ -104,7 +105,7 @@ impl LightList {
         let message: Message<S> = serde_json::from_slice(text)
             .map_err(|error| Error::failed("is no light list, one JSON object").because(error))?;
         let Message { version, sequence, capture_time_ns, lost_before, frame_rate_hz, .. } = message;
-        let Message { filter_delay_frames, power, error, prefix_errors, lights, stream, .. } = message;
+        let Message { filter_delay_frames, chosen_lights, power, error, prefix_errors, lights, stream, .. } = message;
         if version != 1 {
             return Err(Error::failed(format!("is of version {version}; this program reads version 1")));
         }
@@ -144,7 +145,8 @@ impl LightList {
             return Err(Error::failed(format!("two lights have the id {}", pair[0])));
         }
         self.stamp = Stamp { sequence, capture_time_ns, lost_before, frame_rate_hz };
-        (self.filter_delay_frames, self.error) = (filter_delay_frames, error);
+        (self.filter_delay_frames, self.chosen_lights, self.error) =
+            (filter_delay_frames, chosen_lights, error);
         (self.prefix_errors, self.lights) = (prefix_errors, lights);
         self.reference_irradiance.clear();
         self.power = power.unwrap_or_else(|| self.sum_of_lights());
