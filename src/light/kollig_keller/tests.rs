@@ -1,9 +1,9 @@
 use super::{Voronoi, grow, kollig_keller};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
+use crate::light::Light;
 use crate::light::nearest::NearestSites;
 use crate::light::refine::Cells;
 use crate::light::test_maps::{hard_maps, real_map};
-use crate::light::Light;
 use crate::math::fibonacci_sphere;
 
 /// What a relaxation needs.
@@ -71,7 +71,9 @@ fn neither_relaxation_nor_growth_raises_the_energy() {
         let mut last = energy(&map, &sites[..1]);
         let start = last;
         while used < count {
-            used = grow(map.shape, &mut sites, used, &lights);
+            let grown = grow(map.shape, &mut sites, used, &lights);
+            assert!(grown > used);
+            used = grown;
             for _ in 0..3 {
                 let now = energy(&map, &sites[..used]);
                 // Sites are rounded to f32.
