@@ -109,8 +109,9 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
     let sun = 1e8 * shape.pixel_solid_angle(row);
     let mut list = LightList::default();
     for sampler in SAMPLERS {
-        // Hundreds of passes over 16 million pixels for 64 lights show no more than a few dozen for 4.
-        let count = if sampler == Sampler::KolligKeller { 4 } else { 64 };
+        // Hundreds of passes over 16 million pixels for 64 lights show no more than a few dozen for 4, whose cells have
+        // more beside the sun.
+        let (count, most_rad) = if sampler == Sampler::KolligKeller { (4, 1e-2) } else { (64, 1e-3) };
         let mut extractor = Extractor::new(shape, &Options { count, sampler, ..Options::default() }).unwrap();
         // The second frame of persistent lights starts from the first's.
         for _ in 0..if sampler == Sampler::Persistent { 2 } else { 1 } {
@@ -126,7 +127,7 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
             let direction = glam::DVec3::from_array(brightest.direction.map(f64::from));
             let off = crate::math::angle_between(direction, shape.pixel_direction(row, column));
             assert!(
-                off < 1e-3 && f64::from(brightest.irradiance[1]) > (1.0 - 1e-6) * sun,
+                off < most_rad && f64::from(brightest.irradiance[1]) > (1.0 - 1e-6) * sun,
                 "{sampler:?}: {off} {brightest:?}"
             );
         }
