@@ -8,10 +8,9 @@ use std::path::PathBuf;
 
 /// Print error against time, as tables.
 ///
-/// For every MAP, a lat-long panorama, and for 64 and 256 lights: irradiance, shadow and glossy error of standard and
-/// bicontinuous inversion and of refined lights, with the estimate that the list carries, the difference in power
-/// and the median time. Then the geometric means over all maps; for thirteen maps the published figures stand
-/// beside them.
+/// For every MAP, a lat-long panorama, and for 64 and 256 lights: irradiance, shadow and glossy error of the methods of
+/// the field and of refined lights, with the estimate that the list carries, the difference in power and the median
+/// time. Then the geometric means over all maps; for thirteen maps the published figures stand beside them.
 ///
 /// With --garden and --hall the steadiness over time as well: two sequences made of these two maps, before and after
 /// the filter.

@@ -9,13 +9,32 @@ use crate::image::{PolarMap, PolarShape, luminance_f64};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 
-const SAMPLERS: [Sampler; 4] =
-    [Sampler::EqualPower, Sampler::Refined, Sampler::Persistent, Sampler::Adaptive];
-const INVERSIONS: [Inversion; 2] = [Inversion::Bicontinuous, Inversion::Standard];
+const SAMPLERS: [Sampler; 8] = [
+    Sampler::EqualPower,
+    Sampler::Refined,
+    Sampler::Persistent,
+    Sampler::Adaptive,
+    Sampler::MedianCut,
+    Sampler::VarianceMinimisation,
+    Sampler::Structured,
+    Sampler::KolligKeller,
+];
+const INVERSIONS: [Inversion; 3] = [Inversion::Bicontinuous, Inversion::Standard, Inversion::NormalisedRows];
+
+/// The inversions that make a difference to a sampler, but for one that makes little to refined lights.
+fn inversions(sampler: Sampler) -> &'static [Inversion] {
+    match sampler {
+        Sampler::EqualPower => &INVERSIONS,
+        Sampler::Refined | Sampler::Persistent | Sampler::Adaptive => &INVERSIONS[..2],
+        _ => &INVERSIONS[..1],
+    }
+}
 
 fn extract(map: &PolarMap, count: usize, sampler: Sampler, inversion: Inversion) -> LightList {
     let mut list = LightList::default();
-    let options = Options { count, sampler, inversion, ..Options::default() };
+    // Where points are not sampled, or only begun with, they need no relaxation.
+    let relaxation_steps = if inversions(sampler).len() > 1 { 4 } else { 0 };
+    let options = Options { count, sampler, inversion, relaxation_steps, ..Options::default() };
     Extractor::new(map.shape, &options).unwrap().step(map, &mut list);
     ListError::new().measure(&mut list);
     list
@@ -41,7 +60,7 @@ fn power_is_kept_on_every_real_map() {
     for (name, map) in real_maps(SHAPE) {
         let expected = map.power();
         for sampler in SAMPLERS {
-            for inversion in INVERSIONS {
+            for &inversion in inversions(sampler) {
                 let list = extract(&map, 64, sampler, inversion);
                 check_list(&name, &list, 64);
                 let off = (luminance_f64(list.power) / luminance_f64(expected) - 1.0).abs();
@@ -62,7 +81,7 @@ fn power_is_kept_on_every_real_map() {
 fn hard_maps_give_whole_lists_and_keep_their_power() {
     for (name, map) in hard_maps() {
         for sampler in SAMPLERS {
-            for inversion in INVERSIONS {
+            for &inversion in inversions(sampler) {
                 for count in [1, 2, 64, 300] {
                     let case = format!("{name} {sampler:?} {inversion:?} {count}");
                     let list = extract(&map, count, sampler, inversion);
@@ -91,12 +110,16 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
     let sun = 1e8 * shape.pixel_solid_angle(row);
     let mut list = LightList::default();
     for sampler in SAMPLERS {
-        let mut extractor = Extractor::new(shape, &Options { sampler, ..Options::default() }).unwrap();
+        // Hundreds of passes over 16 million pixels for 64 lights show no more than a few dozen for 4, whose cells have
+        // more beside the sun.
+        let (count, most_rad) = if sampler == Sampler::KolligKeller { (4, 1e-2) } else { (64, 1e-3) };
+        let mut extractor = Extractor::new(shape, &Options { count, sampler, ..Options::default() }).unwrap();
         // The second frame of persistent and adaptive lights starts from the first's.
-        for _ in 0..2 {
+        let is_followed = matches!(sampler, Sampler::Persistent | Sampler::Adaptive);
+        for _ in 0..if is_followed { 2 } else { 1 } {
             extractor.step(&map, &mut list);
             ListError::new().measure(&mut list);
-            check_list(&format!("{sampler:?}"), &list, 64);
+            check_list(&format!("{sampler:?}"), &list, count);
             let expected = std::f64::consts::TAU + sun - shape.pixel_solid_angle(row);
             assert!((list.power[1] / expected - 1.0).abs() < 1e-6, "{sampler:?}: {:?}", list.power);
         }
@@ -107,7 +130,7 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
             let off = crate::math::angle_between(direction, shape.pixel_direction(row, column));
             // A peak leaves four mean radiances in the map.
             assert!(
-                off < 1e-3 && f64::from(brightest.irradiance[1]) > 0.9999 * sun,
+                off < most_rad && f64::from(brightest.irradiance[1]) > 0.9999 * sun,
                 "{sampler:?}: {off} {brightest:?}"
             );
         }
@@ -118,14 +141,20 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
 fn all_black_map_gives_uniform_directions_without_power() {
     let map = PolarMap::black(SHAPE);
     for sampler in SAMPLERS {
-        for inversion in INVERSIONS {
+        for &inversion in inversions(sampler) {
             let list = extract(&map, 144, sampler, inversion);
             assert!(list.lights.iter().all(|l| l.irradiance == [0.0; 3] && l.spread_rad == 0.0));
             assert_eq!((list.error, list.power), (0.0, [0.0; 3]));
-            // Uniform over the hemisphere: cos theta has mean 1/2, the horizontal components cancel.
-            let mean =
-                [0, 1, 2].map(|axis| list.lights.iter().map(|l| l.direction[axis]).sum::<f32>() / 144.0);
-            assert!((mean[1] - 0.5).abs() < 0.01 && mean[0].abs() < 0.02 && mean[2].abs() < 0.02, "{mean:?}");
+            // Uniform over the hemisphere: cos theta has mean 1/2, the horizontal components cancel. Rectangles and
+            // strata are even too, but not all of one size where 144 are wanted.
+            let is_by_inversion =
+                !matches!(sampler, Sampler::MedianCut | Sampler::VarianceMinimisation | Sampler::Structured);
+            let tolerance = if is_by_inversion { [0.02, 0.01, 0.02] } else { [0.1; 3] };
+            for axis in 0..3 {
+                let mean = list.lights.iter().map(|l| l.direction[axis]).sum::<f32>() / 144.0;
+                let expected = if axis == 1 { 0.5 } else { 0.0 };
+                assert!((mean - expected).abs() < tolerance[axis], "{sampler:?} {axis}: {mean}");
+            }
         }
     }
 }
@@ -205,5 +234,15 @@ fn options_are_read_by_name_and_unknown_names_refused() {
     };
     assert_eq!(options, expected);
     assert_eq!(toml::from_str::<Options>("").unwrap(), Options::default());
+    for (name, sampler) in [
+        ("median-cut", Sampler::MedianCut),
+        ("variance-minimisation", Sampler::VarianceMinimisation),
+        ("structured", Sampler::Structured),
+        ("kollig-keller", Sampler::KolligKeller),
+    ] {
+        assert_eq!(toml::from_str::<Options>(&format!("sampler = \"{name}\"")).unwrap().sampler, sampler);
+    }
+    let normalised: Options = toml::from_str("inversion = \"normalised-rows\"").unwrap();
+    assert_eq!(normalised.inversion, Inversion::NormalisedRows);
     assert!(toml::from_str::<Options>("cuont = 3").unwrap_err().to_string().contains("cuont"));
 }

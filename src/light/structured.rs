@@ -2,16 +2,17 @@
 //! Environment Maps*, SIGGRAPH 2003.
 //!
 //! The paper's: the map is cut into levels of radiance by thresholds at multiples of its standard deviation, six levels,
-//! and each level into its connected components; a component of illumination L and solid angle dO has the importance
-//! `L^a dO^b` with a = 1 and b = 1/4, so that a small bright source gets fewer samples than by its power alone, and a
-//! number of samples in proportion; they are spread over it by the farthest-point rule of Hochbaum and Shmoys, brightest
-//! levels first, away from all that are placed already; every sample takes the illumination of its stratum, integrated
-//! before anything is rendered.
+//! and these into connected components; a component of illumination L and solid angle dO has the importance
+//! `L^a min(dO, dO_0)^b` with a = 1, b = 1/4 and dO_0 = 0.01 sr, so that a small bright source gets fewer samples than by
+//! its power alone, and a number of samples in proportion; they are spread over it by the farthest-point rule of
+//! Hochbaum and Shmoys, brightest levels first, away from all that are placed already; every sample takes the
+//! illumination of its stratum, integrated before anything is rendered.
 //!
-//! Chosen here: numbers of samples are rounded by Sainte-Lague's divisors, so that they add up; the first sample of all
-//! is the brightest pixel; components without a sample, of which noisy maps have many, belong to the nearest samples; a
-//! light stands in the mean direction of its stratum's flux, not at the sample, which the farthest-point rule puts at the
-//! stratum's edge as often as not.
+//! Chosen here: levels are apart, where the paper's lower ones hold the higher ones and count their samples; numbers of
+//! samples are rounded by Sainte-Lague's divisors, so that they add up; the first sample of all is the brightest pixel;
+//! components without a sample, of which noisy maps have many, belong to the nearest samples; a light stands in the mean
+//! direction of its stratum's flux, not at the sample, which the farthest-point rule puts at the stratum's edge as often
+//! as not.
 
 use super::Light;
 use super::refine::Share;
@@ -23,8 +24,9 @@ use std::f64::consts::PI;
 use std::ops::Range;
 
 const LEVEL_COUNT: usize = 6;
-/// The paper's b.
+/// The paper's b and dO_0.
 const SOLID_ANGLE_EXPONENT: f64 = 0.25;
+const SOLID_ANGLE_MOST_SR: f64 = 0.01;
 /// Place of a pixel that has none.
 const NONE: u32 = u32::MAX;
 
@@ -175,7 +177,7 @@ fn components(map: &PolarMap) -> (Vec<Component>, Vec<usize>) {
         components.push(Component {
             level,
             members: first..members.len(),
-            importance: flux * solid_angle.powf(SOLID_ANGLE_EXPONENT),
+            importance: flux * solid_angle.min(SOLID_ANGLE_MOST_SR).powf(SOLID_ANGLE_EXPONENT),
         });
     }
     (components, members)

@@ -6,6 +6,7 @@ pub mod frame_time;
 pub mod picture_error;
 #[cfg(feature = "render")]
 pub mod pictures;
+mod plain_paper;
 pub mod sequence;
 mod sequence_maps;
 pub mod sequence_table;
@@ -13,4 +14,5 @@ pub mod sequence_table;
 pub mod speed;
 #[cfg(feature = "render")]
 pub mod speed_cases;
+pub mod stability;
 pub mod stills;

@@ -1,8 +1,8 @@
 use super::{grow, kollig_keller, relax};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
 use crate::light::refine::Voronoi;
-use crate::light::test_maps::{hard_maps, real_map};
 use crate::light::Light;
+use crate::light::test_maps::{hard_maps, real_map};
 use crate::math::fibonacci_sphere;
 
 fn even_sites(count: usize) -> Vec<[f32; 3]> {
@@ -49,7 +49,9 @@ fn neither_relaxation_nor_growth_raises_the_energy() {
         let mut last = energy(&map, &sites[..1]);
         let start = last;
         while used < count {
-            used = grow(map.shape, &mut sites, used, &lights);
+            let grown = grow(map.shape, &mut sites, used, &lights);
+            assert!(grown > used);
+            used = grown;
             for _ in 0..3 {
                 let now = energy(&map, &sites[..used]);
                 // Sites are rounded to f32.
