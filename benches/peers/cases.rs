@@ -115,8 +115,12 @@ pub fn prepare(case: Case) -> Result<(Option<usize>, Work)> {
             for file in &files {
                 read(file, &mut frame)?;
                 match &frame.pixels {
-                    Pixels::Radiance(radiance) => values.extend(radiance.iter().map(|value| value.to_le_bytes())),
-                    Pixels::Codes(codes) => values.extend(codes.iter().map(|&code| f32::from(code).to_le_bytes())),
+                    Pixels::Radiance(radiance) => {
+                        values.extend(radiance.iter().map(|value| value.to_le_bytes()))
+                    }
+                    Pixels::Codes(codes) => {
+                        values.extend(codes.iter().map(|&code| f32::from(code).to_le_bytes()))
+                    }
                 }
             }
             save(&samples, values)?;
@@ -165,7 +169,12 @@ impl Camera {
         Ok(&self.map)
     }
 
-    fn frame_to_polar(mut self, frames: &[PathBuf], table: &Path, maps: &Path) -> Result<(Option<usize>, Work)> {
+    fn frame_to_polar(
+        mut self,
+        frames: &[PathBuf],
+        table: &Path,
+        maps: &Path,
+    ) -> Result<(Option<usize>, Work)> {
         let radiance = self.calibration.response.table();
         save(table, (0..1 << 16).map(|code: usize| radiance[code.min(radiance.len() - 1)].to_le_bytes()))?;
         let mut values = Vec::new();

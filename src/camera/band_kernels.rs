@@ -52,24 +52,71 @@ fn add_band_body(band: BandMatrix, radiance: &[f32; PLANE], sums: &mut [f64]) {
     let BandMatrix { groups, mut cells, mut starts, mut weights } = band;
     for group in groups {
         let (parts, chunks) = (group.parts as usize, group.chunks as usize);
-        let own_cells = cells.split_off(..parts).unwrap_or_default();
-        let own_starts = starts.split_off(..parts * chunks).unwrap_or_default();
-        let own_weights = weights.split_off(..parts * chunks).unwrap_or_default();
-        for ((&cell, starts), weights) in
-            own_cells.iter().zip(own_starts.chunks_exact(chunks)).zip(own_weights.chunks_exact(chunks))
-        {
-            sums[cell as usize] += product(starts, weights, radiance);
+        let cells = cells.split_off(..parts).unwrap_or_default();
+        let starts = starts.split_off(..parts * chunks).unwrap_or_default();
+        let weights = weights.split_off(..parts * chunks).unwrap_or_default();
+        // Most parts are short; loops of a fixed length cost nothing but their work.
+        match chunks {
+            1 => add_short::<1>(cells, starts, weights, radiance, sums),
+            2 => add_short::<2>(cells, starts, weights, radiance, sums),
+            3 => add_short::<3>(cells, starts, weights, radiance, sums),
+            4 => add_short::<4>(cells, starts, weights, radiance, sums),
+            5 => add_short::<5>(cells, starts, weights, radiance, sums),
+            6 => add_short::<6>(cells, starts, weights, radiance, sums),
+            7 => add_short::<7>(cells, starts, weights, radiance, sums),
+            8 => add_short::<8>(cells, starts, weights, radiance, sums),
+            _ => {
+                let parts = starts.chunks_exact(chunks).zip(weights.chunks_exact(chunks));
+                for (&cell, (starts, weights)) in cells.iter().zip(parts) {
+                    sums[cell as usize] += product(starts, weights, radiance);
+                }
+            }
         }
     }
 }
 
-/// The scalar product, in four lanes.
+#[inline(always)]
+fn add_short<const CHUNKS: usize>(
+    cells: &[u32],
+    starts: &[u16],
+    weights: &[Vec4],
+    radiance: &[f32; PLANE],
+    sums: &mut [f64],
+) {
+    let parts = starts.as_chunks::<CHUNKS>().0.iter().zip(weights.as_chunks::<CHUNKS>().0);
+    for (&cell, (starts, weights)) in cells.iter().zip(parts) {
+        let mut lanes = term(starts[0], weights[0], radiance);
+        for chunk in 1..CHUNKS {
+            lanes += term(starts[chunk], weights[chunk], radiance);
+        }
+        sums[cell as usize] += sum_of_lanes(lanes);
+    }
+}
+
+/// The scalar product of a long part, as four sums: a single one would have each addition wait for the one before.
 #[inline(always)]
 fn product(starts: &[u16], weights: &[Vec4], radiance: &[f32; PLANE]) -> f64 {
-    let mut lanes = Vec4::ZERO;
-    for (&start, &weights) in starts.iter().zip(weights) {
-        lanes += weights * Vec4::from_slice(&radiance[usize::from(start)..usize::from(start) + LANES]);
+    let (starts_of_four, starts) = starts.as_chunks::<4>();
+    let (weights_of_four, weights) = weights.as_chunks::<4>();
+    let mut sums = [Vec4::ZERO; 4];
+    for (starts, weights) in starts_of_four.iter().zip(weights_of_four) {
+        for (sum, (&start, &weights)) in sums.iter_mut().zip(starts.iter().zip(weights)) {
+            *sum += term(start, weights, radiance);
+        }
     }
+    for (sum, (&start, &weights)) in sums.iter_mut().zip(starts.iter().zip(weights)) {
+        *sum += term(start, weights, radiance);
+    }
+    sum_of_lanes((sums[0] + sums[1]) + (sums[2] + sums[3]))
+}
+
+#[inline(always)]
+fn term(start: u16, weights: Vec4, radiance: &[f32; PLANE]) -> Vec4 {
+    weights * Vec4::from_slice(&radiance[usize::from(start)..usize::from(start) + LANES])
+}
+
+#[inline(always)]
+fn sum_of_lanes(lanes: Vec4) -> f64 {
     f64::from((lanes.x + lanes.z) + (lanes.y + lanes.w))
 }
 

@@ -8,8 +8,8 @@
 
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes_of_pairs};
-use super::response::CodeLookup;
 use super::footprints::Footprints;
+use super::response::CodeLookup;
 use super::{LensParameters, PixelCounts, Projection};
 use crate::error::{Error, Result};
 use crate::image::{Bayer, PolarShape};
