@@ -1,6 +1,6 @@
 """Times and checks our work beside what a user would pick instead, one thread each: `make bench-peers`.
 
-A ratio is the peer's median over ours; both sides run in turns, so that they meet the same noise.
+A ratio is the peer's median over ours, of processor time; both sides run in turns, so that they meet the same noise.
 
 - *Frame to polar*: a 12-bit logarithmic frame of a fisheye with a sky and a sun of the real one's size, towards 16
   directions. OpenCV: table, `remap` at the centres of the map's pixels; and, for power that is kept, `remap` at about
@@ -68,16 +68,16 @@ def opencv_steps(scene, table, columns, rows):
 def frame_to_polar(lightcast, table, folder):
     """Frame to polar map, and on to samples."""
     chains = []
-    table.section("raw frame to polar map", "error of the power, of the sun's: ours; peer's")
+    table.section("raw frame to polar map", "error of power, of the sun's: ours; peer's")
     for width, height in FRAMES:
-        scene = Scene(width, height, folder)
+        scene, exact = Scene(width, height, folder), None
         for columns, rows in MAPS:
             files = {"table": folder / "table.f32", "maps": folder / "maps.f32"}
             case = {"calibration": scene.calibration, "columns": columns, "rows": rows}
             answer = lightcast.ask(case="frame-to-polar", frames=scene.files, **case, **files)
             radiance = np.fromfile(files["table"], np.float32)
             maps = np.fromfile(files["maps"], np.float32).reshape(-1, rows, columns)
-            exact = scene.exact(radiance)
+            exact = exact or scene.exact(radiance)
             ours, frame = scene.errors(maps, exact), scene.frames[1]
             name = f"{width}x{height} to {columns}x{rows}"
             steps = opencv_steps(scene, radiance, columns, rows)
@@ -85,28 +85,28 @@ def frame_to_polar(lightcast, table, folder):
                 theirs = scene.errors(np.array([step(frame).copy() for frame in scene.frames]), exact)
                 times = race(lightcast.repeat, timed(lambda: step(frame)))
                 table.row(name, f"OpenCV {peer}", *times, f"{errors(ours)}; {errors(theirs)}")
-            chains.append((scene, case, name, steps, maps))
+            chains.append((scene, exact, case, name, steps, maps))
             streamed = Lightcast(lightcast.process.args)
             streamed.ask(case="stream", bytes=answer["bytes"])
             times = race(lightcast.repeat, streamed.repeat)
             streamed.close()
             table.row(name, "reading frame and matrix once", *times, f"{answer['bytes'] / 1e6:.1f} MB")
-    table.section(f"raw frame to {SAMPLES} samples", "error of the ground's irradiance: ours; peer's")
+    table.section(f"raw frame to {SAMPLES} samples", "error of ground's irradiance: ours; peer's")
     points = halton(SAMPLES)
-    for scene, case, name, steps, maps in chains:
+    for scene, exact, case, name, steps, maps in chains:
         lightcast.ask(case="chain", frame=scene.files[1], count=SAMPLES, samples=folder / "samples.f64", **case)
         numpy = NumpySampling(case["columns"], case["rows"])
-        exact = scene.exact(radiance)["ground"]
-        ours = scene.ground_error([numpy.ground(map_, points) for map_ in maps], exact)
+        ours = scene.ground_error([numpy.ground(map_, points) for map_ in maps], exact["ground"])
         for peer, step in steps:
-            theirs = scene.ground_error([numpy.ground(step(frame), points) for frame in scene.frames], exact)
+            theirs = [numpy.ground(step(frame), points) for frame in scene.frames]
+            theirs = scene.ground_error(theirs, exact["ground"])
 
             def chain(frame=scene.frames[1], step=step):
                 numpy.update(step(frame))
                 return numpy.sample(points)
 
             times = race(lightcast.repeat, timed(chain))
-            table.row(name, f"OpenCV {peer}; NumPy", *times, f"{ours:.1e}; {theirs:.1e}")
+            table.row(name, f"OpenCV {peer}, NumPy", *times, f"{ours:.1e}; {theirs:.1e}")
     return chains
 
 
@@ -114,16 +114,17 @@ def errors(pair):
     return ", ".join(f"{error:.1e}" for error in pair)
 
 
-def sampling(lightcast, table, folder, chains):
-    """CDFs and samples of maps of the first frame."""
+def sampling(lightcast, table, folder, maps):
+    """CDFs and samples of maps with a sun."""
     values_file, points_file, samples_file = folder / "values.f32", folder / "points.f64", folder / "samples.f64"
-    table.section("polar map to samples", "error of the CDF, of the ground's irradiance: ours; peer's")
-    for _, case, _, _, maps in chains[: len(MAPS)]:
-        columns, rows, values = case["columns"], case["rows"], maps[1]
+    table.section("polar map to samples", "error of CDF, of ground's irradiance: ours; peer's")
+    for values in maps:
+        rows, columns = values.shape
         values.tofile(values_file)
         numpy = NumpySampling(columns, rows)
         numpy.update(values)
         for inversion in ("standard", "bicontinuous"):
+            name = f"{inversion}, {columns}x{rows}"
             for count in (300, 1000, 100_000):
                 points = halton(count)
                 points.tofile(points_file)
@@ -132,27 +133,28 @@ def sampling(lightcast, table, folder, chains):
                 if count == 300:
                     lightcast.ask(case="sampling", part="cdf", **request)
                     times = race(lightcast.repeat, timed(lambda: numpy.update(values)))
-                    table.row(f"{inversion}, {columns}x{rows}", "NumPy: CDFs by cumsum", *times)
+                    table.row(name, "NumPy: CDFs by cumsum", *times)
                 lightcast.ask(case="sampling", part="samples", **request)
                 ours = np.fromfile(samples_file).reshape(-1, 3)
                 theirs = numpy.sample(points)
                 times = race(lightcast.repeat, timed(lambda: numpy.sample(points)))
-                both = [(cdf_error(numpy, x), irradiance_error(numpy, x)) for x in (ours, theirs)]
-                remark = "; ".join(map(errors, both))
+                remark = f"{distance(numpy, ours)}; {distance(numpy, theirs)}"
                 if inversion == "standard":
-                    remark += f"; positions differ by {np.abs(ours[:, :2] - theirs).max():.0e}"
-                table.row(f"{inversion}, {columns}x{rows}", f"NumPy: {count:,} by searchsorted", *times, remark)
-                if count == 1000:
+                    remark += f"; positions within {np.abs(ours[:, :2] - theirs).max():.0e}"
+                table.row(name, f"NumPy: {count:,} by searchsorted", *times, remark)
+                if (inversion, count) == ("standard", 1000):
                     envmap = mitsuba_envmap(values, 1)
                     times = race(lightcast.repeat, timed(envmap.sampler(points)))
                     call_ms = race(timed(envmap.bare_calls(points)))[0]
-                    finer = mitsuba_envmap(values, 4)
-                    drawn, densities = finer.sample(points)
-                    theirs = (cdf_error(numpy, drawn), irradiance_error(numpy, drawn))
-                    median = np.median(np.abs(densities / numpy.pdf(drawn) - 1))
-                    remark = f"{errors(both[0])}; {errors(theirs)}; densities differ by {median:.1%} (median)"
-                    table.row(f"{inversion}, {columns}x{rows}", f"Mitsuba: {count:,}, scalar_rgb", *times, remark)
-                    print(f"    (of Mitsuba's time {call_ms:.4f} ms are calls from Python: so long takes `constant`)")
+                    drawn, densities = mitsuba_envmap(values, 4).sample(points)
+                    apart = np.median(np.abs(densities / numpy.pdf(drawn) - 1))
+                    remark = f"{distance(numpy, ours)}; {distance(numpy, drawn)}; densities within {apart:.1%} (median)"
+                    table.row(name, f"Mitsuba: {count:,} from Python", *times, remark)
+                    print(f"    so long do as many calls of a `constant` emitter take: {call_ms:28.4f}")
+
+
+def distance(numpy, positions):
+    return errors((cdf_error(numpy, positions), irradiance_error(numpy, positions)))
 
 
 def equality(lightcast, table, folder):
@@ -184,7 +186,7 @@ def read_exr(file):
 def open_exr(lightcast, table, folder):
     """Sequences of lat-long pictures, written by us and by OpenEXR."""
     width, height, count = 1024, 512, 16
-    table.section(f"reading {count} OpenEXR files of {width}x{height}, RGB", "MB/s of pixels: ours; peer's")
+    table.section(f"reading {count} OpenEXR files of {width}x{height}, RGB", "MB/s of pixels: ours; peer's; pixels")
     random = np.random.default_rng(1)
     theta, phi = np.meshgrid(np.linspace(0, np.pi, height), np.linspace(0, 2 * np.pi, width), indexing="ij")
     kinds = {"half, ZIP, written by us": None, "half, PIZ": ("PIZ", np.float16), "float, none": ("NO", np.float32)}
@@ -207,7 +209,7 @@ def open_exr(lightcast, table, folder):
         theirs = np.array([read_exr(file) for file in files])
         times = race(lightcast.repeat, timed(lambda: [read_exr(file) for file in files]))
         speeds = "; ".join(f"{theirs.nbytes / ms / 1e3:.0f}" for ms in times)
-        equal = "the same pixels" if np.array_equal(ours, theirs.astype(np.float32)) else "PIXELS DIFFER"
+        equal = "the same" if np.array_equal(ours, theirs.astype(np.float32)) else "DIFFERENT"
         table.row(name, "OpenEXR", *times, f"{speeds}; {equal}")
 
 
@@ -219,12 +221,13 @@ def main():
     folder = arguments.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     processor = next((line for line in open("/proc/cpuinfo") if line.startswith("model name")), "").split(":")[-1].strip()
-    print(f"{processor or platform.machine()}, {os.cpu_count()} cores, one thread each; medians, ratio: peer by ours")
+    print(f"{processor or platform.machine()}, {os.cpu_count()} cores, one thread each; medians of processor time, ratio: peer by ours")
     print(f"OpenCV {cv2.__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}, ", end="")
     print(f"Mitsuba {mitsuba.__version__}, OpenEXR {OpenEXR.__version__}, Python {platform.python_version()}")
     lightcast, table = Lightcast(arguments.command), Table()
     chains = frame_to_polar(lightcast, table, folder)
-    sampling(lightcast, table, folder, chains)
+    # Those of the small frame, with the sun of the frame that is timed.
+    sampling(lightcast, table, folder, [maps[1] for *_, maps in chains[: len(MAPS)]])
     equality(lightcast, table, folder)
     open_exr(lightcast, table, folder)
     lightcast.close()

@@ -1,10 +1,11 @@
 //! The time of every step, beside the published figures (METHODS section 11) and, for calibration, beside the time to
 //! read the same bytes once. `make bench` runs all and prints the table; `cargo bench --bench steps -- NAME` runs those whose name
-//! contains NAME.
+//! contains NAME. `make cost` (`cargo bench --bench steps -- --cost FILE`) draws cost against map size and number of lights.
 //!
 //! Everything runs on one thread. The surroundings are a sky with clouds, a small sun and lamps; what radiances are
 //! does not change the work of calibration and tables, and that of the rest only through where the lights crowd.
 
+mod cost;
 mod scene;
 mod table;
 
@@ -27,6 +28,10 @@ const LIGHTS: usize = 300;
 const CLUSTERS: usize = 72;
 
 fn main() {
+    if let Some(file) = std::env::args().skip_while(|argument| argument != "--cost").nth(1) {
+        std::fs::write(file, cost::run()).expect("the plot's file can be written");
+        return;
+    }
     let mut criterion = Criterion::default()
         .measurement_time(Duration::from_secs(3))
         .warm_up_time(Duration::from_secs(1))
