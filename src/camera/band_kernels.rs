@@ -16,6 +16,9 @@ pub(super) const LANES: usize = 4;
 /// 70 roundings of 2^-24 = 4e-6 of a sum of positive numbers; from there on sums are f64.
 pub(super) const CHUNKS_MAX: usize = 64;
 
+/// Chunks of a part that has a loop of its own length.
+const SHORT: usize = 8;
+
 /// Length of a plane of radiance: every number of 16 bits is the start of a chunk in it, without a check.
 pub(super) const PLANE: usize = (1 << 16) + LANES;
 
@@ -64,7 +67,7 @@ fn add_band_body(band: BandMatrix, radiance: &[f32; PLANE], sums: &mut [f64]) {
             5 => add_short::<5>(cells, starts, weights, radiance, sums),
             6 => add_short::<6>(cells, starts, weights, radiance, sums),
             7 => add_short::<7>(cells, starts, weights, radiance, sums),
-            8 => add_short::<8>(cells, starts, weights, radiance, sums),
+            SHORT => add_short::<SHORT>(cells, starts, weights, radiance, sums),
             _ => {
                 let parts = starts.chunks_exact(chunks).zip(weights.chunks_exact(chunks));
                 for (&cell, (starts, weights)) in cells.iter().zip(parts) {
@@ -85,17 +88,21 @@ fn add_short<const CHUNKS: usize>(
 ) {
     let parts = starts.as_chunks::<CHUNKS>().0.iter().zip(weights.as_chunks::<CHUNKS>().0);
     for (&cell, (starts, weights)) in cells.iter().zip(parts) {
-        let mut lanes = term(starts[0], weights[0], radiance);
-        for chunk in 1..CHUNKS {
-            lanes += term(starts[chunk], weights[chunk], radiance);
-        }
-        sums[cell as usize] += sum_of_lanes(lanes);
+        sums[cell as usize] += product(starts, weights, radiance);
     }
 }
 
-/// The scalar product of a long part, as four sums: a single one would have each addition wait for the one before.
+/// The scalar product, in four lanes; of a long part as four such sums, as a single one would have each addition wait
+/// for the one before.
 #[inline(always)]
 fn product(starts: &[u16], weights: &[Vec4], radiance: &[f32; PLANE]) -> f64 {
+    if starts.len() <= SHORT {
+        let mut lanes = term(starts[0], weights[0], radiance);
+        for (&start, &weights) in starts.iter().zip(weights).skip(1) {
+            lanes += term(start, weights, radiance);
+        }
+        return sum_of_lanes(lanes);
+    }
     let (starts_of_four, starts) = starts.as_chunks::<4>();
     let (weights_of_four, weights) = weights.as_chunks::<4>();
     let mut sums = [Vec4::ZERO; 4];
