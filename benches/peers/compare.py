@@ -150,7 +150,7 @@ def sampling(lightcast, table, folder, maps):
                     apart = np.median(np.abs(densities / numpy.pdf(drawn) - 1))
                     remark = f"{distance(numpy, ours)}; {distance(numpy, drawn)}; densities within {apart:.1%} (median)"
                     table.row(name, f"Mitsuba: {count:,} from Python", *times, remark)
-                    print(f"    so long do as many calls of a `constant` emitter take: {call_ms:28.4f}")
+                    print(f"    so long do as many calls of a `constant` emitter take:{call_ms:27.4f}")
 
 
 def distance(numpy, positions):

@@ -7,7 +7,10 @@
 //!
 //! Arrays are files of little-endian numbers without a header, as `numpy.fromfile` reads them.
 
+mod arrays;
+mod camera;
 mod cases;
+mod distribution;
 
 use cases::{Case, Work, prepare};
 use rustix::time::{ClockId, clock_gettime};

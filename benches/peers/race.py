@@ -61,8 +61,8 @@ class Table:
     """Lines as they stand in README.md."""
 
     def section(self, title, remark=""):
-        print(f"\n{title:<64}{'ours ms':>10}{'peer ms':>10}{'ratio':>7}   {remark}".rstrip(), flush=True)
+        print(f"\n{title:<66}{'ours ms':>10}{'peer ms':>10}{'ratio':>7}   {remark}".rstrip(), flush=True)
 
     def row(self, name, peer, ours_ms, peer_ms, remark=""):
         ratio = f"{peer_ms / ours_ms:7.2f}"
-        print(f"  {name:<24}{peer:<38}{ours_ms:10.4f}{peer_ms:10.4f}{ratio}   {remark}".rstrip(), flush=True)
+        print(f"  {name:<26}{peer:<38}{ours_ms:10.4f}{peer_ms:10.4f}{ratio}   {remark}".rstrip(), flush=True)
