@@ -222,8 +222,8 @@ fn messages(criterion: &mut Criterion, table: &mut table::Table) {
     }
 }
 
-/// The filter, and all steps from a raw frame to the list that leaves.
-fn whole(criterion: &mut Criterion, table: &mut table::Table) {
+/// All steps from a raw frame of 640 x 480 to the list that leaves.
+fn chain() -> impl FnMut(&mut LightList) {
     let shape = PolarShape::hemisphere(360, 90);
     let (lens, response) = (scene::lens(640, 480), scene::response());
     let frames: Vec<_> = (0..16).map(|time| scene::raw_frame(&lens, &response, time)).collect();
@@ -232,16 +232,20 @@ fn whole(criterion: &mut Criterion, table: &mut table::Table) {
     let mut extractor =
         Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
     let mut filter = LightFilter::new(&FilterOptions::default()).expect("sound options");
-    let (mut map, mut list, mut filtered) =
-        (PolarMap::black(shape), LightList::default(), LightList::default());
+    let (mut map, mut list) = (PolarMap::black(shape), LightList::default());
     let mut time = 0u64;
-    let mut step = |filtered: &mut LightList| {
+    move |filtered| {
         matrix.apply(&frames[time as usize % frames.len()], &response, &mut map).expect("frames match");
         map.stamp = scene::stamp(time);
         extractor.step(&map, &mut list);
         filter.step(&list, filtered).expect("a rate that a filter can be made for");
         time += 1;
-    };
+    }
+}
+
+/// The filter, and all steps together.
+fn whole(criterion: &mut Criterion, table: &mut table::Table) {
+    let (mut step, mut filtered) = (chain(), LightList::default());
     let mut group = criterion.benchmark_group("whole");
     group.bench_function("raw 640x480 to 300 filtered persistent lights", |bencher| {
         bencher.iter(|| step(black_box(&mut filtered)));
