@@ -7,6 +7,8 @@
 # make soak-clients  an hour of clients that come and go: memory, file handles and threads of the service
 # make load      a thousand clients at 25 lists per second: age of the lists, processor time, memory
 # make bench     speed of every step, as a table with the published figures beside it
+# make bench-peers  speed and error beside OpenCV, NumPy, SciPy, Mitsuba and OpenEXR (needs Python with venv)
+# make cost      cost against map size and number of lights, as a table and as the plot in replay/pictures
 # make tables    error of the lights on the real maps, as tables
 # make pictures  error of rendered pictures against the number of lights, as tables and as the plot in replay/pictures
 # make speed     speed of the renderer on whatever adapter there is, as tables
@@ -18,7 +20,7 @@
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test test-camera test-camera-broken fuzz soak soak-clients load bench tables pictures speed path-tracer system-packages test-packages
+.PHONY: demo test test-camera test-camera-broken fuzz soak soak-clients load bench bench-peers cost tables pictures speed path-tracer system-packages test-packages
 
 system-packages:
 	@.ci/system-packages
@@ -65,6 +67,18 @@ load: system-packages
 
 bench: system-packages
 	cargo bench $(CARGO_FLAGS) --bench steps
+
+PEERS = target/peers
+
+bench-peers: system-packages
+	cargo bench $(CARGO_FLAGS) --bench peers --no-run
+	python3 -m venv $(PEERS)/venv
+	$(PEERS)/venv/bin/pip install --quiet --requirement benches/peers/requirements.txt
+	$(PEERS)/venv/bin/python benches/peers/compare.py --folder $(PEERS)/files -- \
+	    cargo bench $(CARGO_FLAGS) --quiet --bench peers
+
+cost: system-packages
+	cargo bench $(CARGO_FLAGS) --bench steps -- --cost $(CURDIR)/replay/pictures/cost.svg
 
 tables: system-packages
 	cargo run $(CARGO_FLAGS) --release -- report $(DATA)/env/*_1k.hdr \

@@ -1,10 +1,11 @@
 //! The time of every step, beside the published figures (METHODS section 11) and, for calibration, beside the time to
 //! read the same bytes once. `make bench` runs all and prints the table; `cargo bench --bench steps -- NAME` runs those whose name
-//! contains NAME.
+//! contains NAME. `make cost` (`cargo bench --bench steps -- --cost FILE`) draws cost against map size and number of lights.
 //!
 //! Everything runs on one thread. The surroundings are a sky with clouds, a small sun and lamps; what radiances are
 //! does not change the work of calibration and tables, and that of the rest only through where the lights crowd.
 
+mod cost;
 mod scene;
 mod table;
 
@@ -27,6 +28,10 @@ const LIGHTS: usize = 300;
 const CLUSTERS: usize = 72;
 
 fn main() {
+    if let Some(file) = std::env::args().skip_while(|argument| argument != "--cost").nth(1) {
+        std::fs::write(file, cost::run()).expect("the plot's file can be written");
+        return;
+    }
     let mut criterion = Criterion::default()
         .measurement_time(Duration::from_secs(3))
         .warm_up_time(Duration::from_secs(1))
@@ -217,8 +222,8 @@ fn messages(criterion: &mut Criterion, table: &mut table::Table) {
     }
 }
 
-/// The filter, and all steps from a raw frame to the list that leaves.
-fn whole(criterion: &mut Criterion, table: &mut table::Table) {
+/// All steps from a raw frame of 640 x 480 to the list that leaves.
+fn chain() -> impl FnMut(&mut LightList) {
     let shape = PolarShape::hemisphere(360, 90);
     let (lens, response) = (scene::lens(640, 480), scene::response());
     let frames: Vec<_> = (0..16).map(|time| scene::raw_frame(&lens, &response, time)).collect();
@@ -227,16 +232,20 @@ fn whole(criterion: &mut Criterion, table: &mut table::Table) {
     let mut extractor =
         Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
     let mut filter = LightFilter::new(&FilterOptions::default()).expect("sound options");
-    let (mut map, mut list, mut filtered) =
-        (PolarMap::black(shape), LightList::default(), LightList::default());
+    let (mut map, mut list) = (PolarMap::black(shape), LightList::default());
     let mut time = 0u64;
-    let mut step = |filtered: &mut LightList| {
+    move |filtered| {
         matrix.apply(&frames[time as usize % frames.len()], &response, &mut map).expect("frames match");
         map.stamp = scene::stamp(time);
         extractor.step(&map, &mut list);
         filter.step(&list, filtered).expect("a rate that a filter can be made for");
         time += 1;
-    };
+    }
+}
+
+/// The filter, and all steps together.
+fn whole(criterion: &mut Criterion, table: &mut table::Table) {
+    let (mut step, mut filtered) = (chain(), LightList::default());
     let mut group = criterion.benchmark_group("whole");
     group.bench_function("raw 640x480 to 300 filtered persistent lights", |bencher| {
         bencher.iter(|| step(black_box(&mut filtered)));

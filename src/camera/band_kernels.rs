@@ -4,6 +4,7 @@
 //! sums are written apart (no fused multiply-add), so every instruction set gives the same bits.
 
 use super::PixelCounts;
+use super::response::CodeLookup;
 use glam::Vec4;
 use multiversion::multiversion;
 
@@ -14,6 +15,9 @@ pub(super) const LANES: usize = 4;
 /// Chunks per sum at most. A lane then adds 64 products of f32 and the lanes three sums, in all less than
 /// 70 roundings of 2^-24 = 4e-6 of a sum of positive numbers; from there on sums are f64.
 pub(super) const CHUNKS_MAX: usize = 64;
+
+/// Chunks of a part that has a loop of its own length.
+const SHORT: usize = 8;
 
 /// Length of a plane of radiance: every number of 16 bits is the start of a chunk in it, without a check.
 pub(super) const PLANE: usize = (1 << 16) + LANES;
@@ -51,24 +55,75 @@ fn add_band_body(band: BandMatrix, radiance: &[f32; PLANE], sums: &mut [f64]) {
     let BandMatrix { groups, mut cells, mut starts, mut weights } = band;
     for group in groups {
         let (parts, chunks) = (group.parts as usize, group.chunks as usize);
-        let own_cells = cells.split_off(..parts).unwrap_or_default();
-        let own_starts = starts.split_off(..parts * chunks).unwrap_or_default();
-        let own_weights = weights.split_off(..parts * chunks).unwrap_or_default();
-        for ((&cell, starts), weights) in
-            own_cells.iter().zip(own_starts.chunks_exact(chunks)).zip(own_weights.chunks_exact(chunks))
-        {
-            sums[cell as usize] += product(starts, weights, radiance);
+        let cells = cells.split_off(..parts).unwrap_or_default();
+        let starts = starts.split_off(..parts * chunks).unwrap_or_default();
+        let weights = weights.split_off(..parts * chunks).unwrap_or_default();
+        // Most parts are short; loops of a fixed length cost nothing but their work.
+        match chunks {
+            1 => add_short::<1>(cells, starts, weights, radiance, sums),
+            2 => add_short::<2>(cells, starts, weights, radiance, sums),
+            3 => add_short::<3>(cells, starts, weights, radiance, sums),
+            4 => add_short::<4>(cells, starts, weights, radiance, sums),
+            5 => add_short::<5>(cells, starts, weights, radiance, sums),
+            6 => add_short::<6>(cells, starts, weights, radiance, sums),
+            7 => add_short::<7>(cells, starts, weights, radiance, sums),
+            SHORT => add_short::<SHORT>(cells, starts, weights, radiance, sums),
+            _ => {
+                let parts = starts.chunks_exact(chunks).zip(weights.chunks_exact(chunks));
+                for (&cell, (starts, weights)) in cells.iter().zip(parts) {
+                    sums[cell as usize] += product(starts, weights, radiance);
+                }
+            }
         }
     }
 }
 
-/// The scalar product, in four lanes.
+#[inline(always)]
+fn add_short<const CHUNKS: usize>(
+    cells: &[u32],
+    starts: &[u16],
+    weights: &[Vec4],
+    radiance: &[f32; PLANE],
+    sums: &mut [f64],
+) {
+    let parts = starts.as_chunks::<CHUNKS>().0.iter().zip(weights.as_chunks::<CHUNKS>().0);
+    for (&cell, (starts, weights)) in cells.iter().zip(parts) {
+        sums[cell as usize] += product(starts, weights, radiance);
+    }
+}
+
+/// The scalar product, in four lanes; of a long part as four such sums, as a single one would have each addition wait
+/// for the one before.
 #[inline(always)]
 fn product(starts: &[u16], weights: &[Vec4], radiance: &[f32; PLANE]) -> f64 {
-    let mut lanes = Vec4::ZERO;
-    for (&start, &weights) in starts.iter().zip(weights) {
-        lanes += weights * Vec4::from_slice(&radiance[usize::from(start)..usize::from(start) + LANES]);
+    if starts.len() <= SHORT {
+        let mut lanes = term(starts[0], weights[0], radiance);
+        for (&start, &weights) in starts.iter().zip(weights).skip(1) {
+            lanes += term(start, weights, radiance);
+        }
+        return sum_of_lanes(lanes);
     }
+    let (starts_of_four, starts) = starts.as_chunks::<4>();
+    let (weights_of_four, weights) = weights.as_chunks::<4>();
+    let mut sums = [Vec4::ZERO; 4];
+    for (starts, weights) in starts_of_four.iter().zip(weights_of_four) {
+        for (sum, (&start, &weights)) in sums.iter_mut().zip(starts.iter().zip(weights)) {
+            *sum += term(start, weights, radiance);
+        }
+    }
+    for (sum, (&start, &weights)) in sums.iter_mut().zip(starts.iter().zip(weights)) {
+        *sum += term(start, weights, radiance);
+    }
+    sum_of_lanes((sums[0] + sums[1]) + (sums[2] + sums[3]))
+}
+
+#[inline(always)]
+fn term(start: u16, weights: Vec4, radiance: &[f32; PLANE]) -> Vec4 {
+    weights * Vec4::from_slice(&radiance[usize::from(start)..usize::from(start) + LANES])
+}
+
+#[inline(always)]
+fn sum_of_lanes(lanes: Vec4) -> f64 {
     f64::from((lanes.x + lanes.z) + (lanes.y + lanes.w))
 }
 
@@ -77,37 +132,33 @@ fn product(starts: &[u16], weights: &[Vec4], radiance: &[f32; PLANE]) -> f64 {
 pub(super) fn decode_codes(
     codes: &[u16],
     channels: usize,
-    (table, black_clip_code): (&[f32], u16),
+    lookup: CodeLookup,
     planes: &mut [f32],
 ) -> PixelCounts {
     match channels {
-        1 => decode_codes_body::<1>(codes, table, black_clip_code, planes),
-        _ => decode_codes_body::<3>(codes, table, black_clip_code, planes),
+        1 => decode_codes_body::<1>(codes, lookup, planes),
+        _ => decode_codes_body::<3>(codes, lookup, planes),
     }
 }
 
 #[inline(always)]
 fn decode_codes_body<const CHANNELS: usize>(
     codes: &[u16],
-    table: &[f32],
-    black_clip_code: u16,
+    CodeLookup { radiance: table, black_clip_code, saturation_code }: CodeLookup,
     planes: &mut [f32],
 ) -> PixelCounts {
     let pixels = codes.as_chunks::<CHANNELS>().0;
-    let top = (table.len() - 1) as u16;
-    let brightest = table[table.len() - 1];
     // Counting is a loop of its own: it has no look-up and runs in vectors, of 16 bits as the codes have. A stretch has
     // fewer than 2^16 pixels.
     let (mut saturated, mut black_clipped) = (0u16, 0u16);
     for pixel in pixels {
-        saturated += u16::from(pixel.iter().fold(false, |any, &code| any | (code >= top)));
+        saturated += u16::from(pixel.iter().fold(false, |any, &code| any | (code >= saturation_code)));
         black_clipped += u16::from(pixel.iter().fold(false, |any, &code| any | (code <= black_clip_code)));
     }
     for channel in 0..CHANNELS {
         let plane = &mut planes[channel * PLANE..][..pixels.len()];
         for (radiance, pixel) in plane.iter_mut().zip(pixels) {
-            // Codes above the table are rare: a guessed branch costs less than a minimum.
-            *radiance = table.get(usize::from(pixel[channel])).copied().unwrap_or(brightest);
+            *radiance = table[usize::from(pixel[channel])];
         }
     }
     PixelCounts { saturated: saturated.into(), black_clipped: black_clipped.into(), ..PixelCounts::default() }
@@ -118,31 +169,28 @@ fn decode_codes_body<const CHANNELS: usize>(
 pub(super) fn decode_codes_of_pairs(
     pairs: &[[u16; 2]],
     place: usize,
-    (table, black_clip_code): (&[f32], u16),
+    lookup: CodeLookup,
     plane: &mut [f32],
 ) -> PixelCounts {
     match place {
-        0 => decode_codes_of_pairs_body::<0>(pairs, table, black_clip_code, plane),
-        _ => decode_codes_of_pairs_body::<1>(pairs, table, black_clip_code, plane),
+        0 => decode_codes_of_pairs_body::<0>(pairs, lookup, plane),
+        _ => decode_codes_of_pairs_body::<1>(pairs, lookup, plane),
     }
 }
 
 #[inline(always)]
 fn decode_codes_of_pairs_body<const PLACE: usize>(
     pairs: &[[u16; 2]],
-    table: &[f32],
-    black_clip_code: u16,
+    CodeLookup { radiance: table, black_clip_code, saturation_code }: CodeLookup,
     plane: &mut [f32],
 ) -> PixelCounts {
-    let top = (table.len() - 1) as u16;
-    let brightest = table[table.len() - 1];
     let (mut saturated, mut black_clipped) = (0u16, 0u16);
     for pair in pairs {
-        saturated += u16::from(pair[PLACE] >= top);
+        saturated += u16::from(pair[PLACE] >= saturation_code);
         black_clipped += u16::from(pair[PLACE] <= black_clip_code);
     }
     for (radiance, pair) in plane[..pairs.len()].iter_mut().zip(pairs) {
-        *radiance = table.get(usize::from(pair[PLACE])).copied().unwrap_or(brightest);
+        *radiance = table[usize::from(pair[PLACE])];
     }
     PixelCounts { saturated: saturated.into(), black_clipped: black_clipped.into(), ..PixelCounts::default() }
 }
@@ -241,7 +289,8 @@ mod tests {
             assert!(left.abs() <= 1e-12 * sum, "{left} {sum}");
         }
 
-        let table: Vec<f32> = (0..1000).map(|code| code as f32 * 0.5).collect();
+        let table = std::array::from_fn(|code| code.min(999) as f32 * 0.5);
+        let lookup = CodeLookup { radiance: &table, black_clip_code: 40, saturation_code: 999 };
         let codes: Vec<u16> = (0..999).map(|index| (noise(index) * 1100.0) as u16).collect();
         let samples: Vec<f32> = (0..999)
             .map(|index| match index % 50 {
@@ -254,10 +303,10 @@ mod tests {
             .collect();
         for channels in [1, 3] {
             let (mut chosen, mut plain) = (vec![0.0; 3 * PLANE], vec![0.0; 3 * PLANE]);
-            let counts = decode_codes(&codes, channels, (&table, 40), &mut chosen);
+            let counts = decode_codes(&codes, channels, lookup, &mut chosen);
             let expected = match channels {
-                1 => decode_codes_body::<1>(&codes, &table, 40, &mut plain),
-                _ => decode_codes_body::<3>(&codes, &table, 40, &mut plain),
+                1 => decode_codes_body::<1>(&codes, lookup, &mut plain),
+                _ => decode_codes_body::<3>(&codes, lookup, &mut plain),
             };
             assert_eq!((counts, &chosen), (expected, &plain));
             assert!(counts.saturated > 0 && counts.black_clipped > 0);
@@ -276,12 +325,12 @@ mod tests {
             let own: Vec<u16> = pairs.iter().map(|pair| pair[place]).collect();
             let (mut chosen, mut plain, mut expected) =
                 (vec![0.0; PLANE], vec![0.0; PLANE], vec![0.0; PLANE]);
-            let counts = decode_codes_of_pairs(pairs, place, (&table, 40), &mut chosen);
+            let counts = decode_codes_of_pairs(pairs, place, lookup, &mut chosen);
             let of_plain = match place {
-                0 => decode_codes_of_pairs_body::<0>(pairs, &table, 40, &mut plain),
-                _ => decode_codes_of_pairs_body::<1>(pairs, &table, 40, &mut plain),
+                0 => decode_codes_of_pairs_body::<0>(pairs, lookup, &mut plain),
+                _ => decode_codes_of_pairs_body::<1>(pairs, lookup, &mut plain),
             };
-            let of_expected = decode_codes_body::<1>(&own, &table, 40, &mut expected);
+            let of_expected = decode_codes_body::<1>(&own, lookup, &mut expected);
             assert_eq!((counts, of_plain), (of_expected, of_expected));
             assert_eq!((&chosen, &plain), (&expected, &expected));
             assert!(counts.saturated > 0 && counts.black_clipped > 0);
@@ -290,13 +339,14 @@ mod tests {
 
     #[test]
     fn a_pixel_of_three_channels_counts_once() {
-        let table: Vec<f32> = (0..=100).map(|code| code as f32).collect();
+        let table = std::array::from_fn(|code| code.min(100) as f32);
+        let lookup = CodeLookup { radiance: &table, black_clip_code: 2, saturation_code: 100 };
         let codes = [100, 100, 5, 200, 0, 0, 50, 50, 50];
         let mut planes = vec![0.0; 3 * PLANE];
         let seen = |planes: &[f32]| {
             [0, 1, 2].map(|channel| <[f32; 3]>::try_from(&planes[channel * PLANE..][..3]).unwrap())
         };
-        let counts = decode_codes(&codes, 3, (&table, 2), &mut planes);
+        let counts = decode_codes(&codes, 3, lookup, &mut planes);
         assert_eq!((counts.saturated, counts.black_clipped), (2, 1));
         assert_eq!(seen(&planes), [[100.0, 100.0, 50.0], [100.0, 0.0, 50.0], [5.0, 0.0, 50.0]]);
         let samples = [f32::NAN, f32::NAN, -1.0, 1.0, f32::INFINITY, f32::NEG_INFINITY, 1.0, 2.0, 3.0];

@@ -13,6 +13,7 @@ use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes, decode_radiance};
 use super::footprints::Footprints;
 use super::mosaic::Mosaic;
+use super::response::CodeLookup;
 use super::{ColourMatrix, PixelCounts, Projection, Response};
 use crate::error::{Error, Result};
 use crate::image::{Bayer, Frame, Pixels, PolarMap, PolarShape};
@@ -132,7 +133,7 @@ impl FrameToPolar {
     /// without a response, and a colour matrix for frames without colours.
     pub fn apply(&mut self, frame: &Frame, response: &Response, map: &mut PolarMap) -> Result<PixelCounts> {
         self.check_frame(frame, response)?;
-        let lookup = (response.table(), response.black_clip_code());
+        let lookup = response.lookup();
         let (counts, channels) = match (&self.weights, &frame.pixels) {
             (Weights::Mosaic(mosaic), Pixels::Codes(codes)) => {
                 self.sums.fill(0.0);
@@ -242,7 +243,7 @@ impl FrameToPolar {
 fn add_whole(
     matrix: &AreaMatrix,
     frame: &Frame,
-    lookup: (&[f32], u16),
+    lookup: CodeLookup,
     radiance: &mut [f32],
     sums: &mut [f64],
 ) -> PixelCounts {

@@ -9,6 +9,7 @@
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes_of_pairs};
 use super::footprints::Footprints;
+use super::response::CodeLookup;
 use super::{LensParameters, PixelCounts, Projection};
 use crate::error::{Error, Result};
 use crate::image::{Bayer, PolarShape};
@@ -87,7 +88,7 @@ impl Mosaic {
     pub(super) fn add(
         &self,
         codes: &[u16],
-        lookup: (&[f32], u16),
+        lookup: CodeLookup,
         radiance: &mut [f32; PLANE],
         sums: &mut [f64],
     ) -> PixelCounts {

@@ -38,14 +38,28 @@ pub enum ResponseModel {
     },
 }
 
+/// Number of codes that 16 bits have.
+pub(super) const CODES: usize = 1 << 16;
+
 /// A checked response: the table of radiance by raw code, and the codes that say nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
     model: ResponseModel,
-    /// Radiance of the codes up to `saturation_code`; those above are saturated too. Empty for `Identity`.
-    table: Vec<f32>,
+    /// Radiance of every code that 16 bits can hold, so that no look-up needs a check; zeros for `Identity`.
+    table: Box<[f32; CODES]>,
     black_clip_code: u16,
     saturation_code: u16,
+}
+
+/// What turns codes into radiance, and tells which of them say nothing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CodeLookup<'a> {
+    /// Radiance by code.
+    pub(super) radiance: &'a [f32; CODES],
+    /// Codes up to this one are clipped at black.
+    pub(super) black_clip_code: u16,
+    /// Codes from this one are saturated.
+    pub(super) saturation_code: u16,
 }
 
 impl Default for Response {
@@ -53,7 +67,7 @@ impl Default for Response {
     fn default() -> Self {
         Self {
             model: ResponseModel::Identity,
-            table: Vec::new(),
+            table: by_code(|_| 0.0),
             black_clip_code: 0,
             saturation_code: u16::MAX,
         }
@@ -101,9 +115,8 @@ impl Response {
                  {saturation_code}"
             )));
         }
-        let table: Vec<f32> = (0..=saturation_code)
-            .map(|code| model.radiance(f64::from(code.max(black_clip_code))) as f32)
-            .collect();
+        let table =
+            by_code(|code| model.radiance(f64::from(code.clamp(black_clip_code, saturation_code))) as f32);
         // The saturation code has the largest radiance; the codes are monotonic.
         if !table[usize::from(saturation_code)].is_finite() {
             return Err(Error::usage(format!(
@@ -121,7 +134,7 @@ impl Response {
 
     /// Whether frames hold radiance already.
     pub fn is_identity(&self) -> bool {
-        self.table.is_empty()
+        self.model == ResponseModel::Identity
     }
 
     /// Codes from this one are saturated.
@@ -137,7 +150,16 @@ impl Response {
     /// Radiance by code, for codes 0 to the saturation code; codes above have the last entry's. Empty for the
     /// identity.
     pub fn table(&self) -> &[f32] {
-        &self.table
+        if self.is_identity() { &[] } else { &self.table[..=usize::from(self.saturation_code)] }
+    }
+
+    /// The look-up of every code; of no use for the identity.
+    pub(super) fn lookup(&self) -> CodeLookup<'_> {
+        CodeLookup {
+            radiance: &self.table,
+            black_clip_code: self.black_clip_code,
+            saturation_code: self.saturation_code,
+        }
     }
 
     /// The code of a radiance: the nearest, clamped to the black-clip and the saturation code. NaN and
@@ -160,6 +182,12 @@ impl Response {
         };
         code.round().clamp(f64::from(self.black_clip_code), f64::from(self.saturation_code)) as u16
     }
+}
+
+/// A table of what `value` gives for every code.
+fn by_code(value: impl Fn(u16) -> f32) -> Box<[f32; CODES]> {
+    let table: Box<[f32]> = (0..=u16::MAX).map(value).collect();
+    table.try_into().expect("as many as there are codes")
 }
 
 impl ResponseModel {

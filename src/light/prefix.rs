@@ -77,12 +77,10 @@ fn nearest_heads(heads: &[Light], lights: &[Light]) -> [u32; LANES] {
     let mut index = [0; LANES];
     for (head, light) in heads.iter().enumerate() {
         let d = light.direction;
-        for lane in 0..LANES {
-            let dot = x[lane] * d[0] + y[lane] * d[1] + z[lane] * d[2];
-            let better = dot > best[lane];
-            best[lane] = if better { dot } else { best[lane] };
-            index[lane] = if better { head as u32 } else { index[lane] };
-        }
+        // Arrays of their own and a maximum: the best of all lanes then stay in one register.
+        let dots: [f32; LANES] = std::array::from_fn(|lane| x[lane] * d[0] + y[lane] * d[1] + z[lane] * d[2]);
+        index = std::array::from_fn(|lane| if dots[lane] > best[lane] { head as u32 } else { index[lane] });
+        best = std::array::from_fn(|lane| best[lane].max(dots[lane]));
     }
     index
 }

@@ -1,0 +1,142 @@
+//! The pieces of work.
+
+use crate::arrays::{numbers, save};
+use crate::camera::Camera;
+use crate::distribution::{Distribution, Inversion, Part, sampling};
+use lightcast::image::{Frame, Pixels, PolarShape, read, write_exr};
+use lightcast::sampling::halton;
+use lightcast::temporal::{FilterOptions, design};
+use serde::Deserialize;
+use std::error::Error;
+use std::hint::black_box;
+use std::path::PathBuf;
+
+pub type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// One step of a piece of work.
+pub type Work = Box<dyn FnMut() -> Result<()>>;
+
+/// What can be asked for. Files are read unless it says `Written`.
+#[derive(Deserialize)]
+#[serde(tag = "case", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Case {
+    /// Raw frames (u16) of one lens to hemispherical maps. The first is timed; all are done once.
+    FrameToPolar {
+        calibration: PathBuf,
+        frames: Vec<PathBuf>,
+        columns: usize,
+        rows: usize,
+        /// Written: radiance by code, 65,536 of f32.
+        table: PathBuf,
+        /// Written: the first channel of every map, f32.
+        maps: PathBuf,
+    },
+    /// A raw frame to samples: polar map, luminance, CDFs, one sample for each of the first Halton points.
+    Chain {
+        calibration: PathBuf,
+        frame: PathBuf,
+        columns: usize,
+        rows: usize,
+        count: u64,
+        /// Written: z and phi of every sample, f64.
+        samples: PathBuf,
+    },
+    /// CDFs of a hemisphere (f32), or samples from it for given points (pairs of f64).
+    Sampling {
+        inversion: Inversion,
+        part: Part,
+        values: PathBuf,
+        columns: usize,
+        rows: usize,
+        points: PathBuf,
+        /// Written: z, phi and the density per solid angle of every sample, f64.
+        samples: PathBuf,
+    },
+    /// Halton points of bases 2 and 3 from index 1 on. Written: pairs of f64.
+    Halton { count: u64, points: PathBuf },
+    /// Taps of the filter at a frame rate. Written: f64.
+    Taps { frame_rate_hz: f64, taps: PathBuf },
+    /// Reads pictures one after another. Written: their samples, f32.
+    Read { files: Vec<PathBuf>, samples: PathBuf },
+    /// Writes a picture (RGB, f32) as OpenEXR in half floats.
+    Write { samples: PathBuf, width: usize, height: usize, file: PathBuf },
+    /// Reads so many bytes of memory once.
+    Stream { bytes: usize },
+}
+
+/// A piece of work that is ready, its results written, and the bytes that a step streams, where they are known.
+pub fn prepare(case: Case) -> Result<(Option<usize>, Work)> {
+    let work: Work = match case {
+        Case::FrameToPolar { calibration, frames, columns, rows, table, maps } => {
+            let camera = Camera::load(&calibration, PolarShape::hemisphere(columns, rows))?;
+            return camera.frame_to_polar(&frames, &table, &maps);
+        }
+        Case::Chain { calibration, frame, columns, rows, count, samples } => {
+            let camera = Camera::load(&calibration, PolarShape::hemisphere(columns, rows))?;
+            camera.chain(&frame, count, &samples)?
+        }
+        Case::Sampling { inversion, part, values, columns, rows, points, samples } => {
+            let shape = PolarShape::hemisphere(columns, rows);
+            let distribution = Distribution::new(inversion, shape);
+            sampling(distribution, part, numbers(&values, f32::from_le_bytes)?, &points, &samples)?
+        }
+        Case::Halton { count, points } => {
+            let mut values = Vec::with_capacity(count as usize);
+            let mut step = move || {
+                values.clear();
+                values.extend((1..=count).map(|index| [halton(index, 2), halton(index, 3)]));
+                values.clone()
+            };
+            save(&points, step().as_flattened().iter().map(|value| value.to_le_bytes()))?;
+            repeated(move || Ok(step()))
+        }
+        Case::Taps { frame_rate_hz, taps } => {
+            let step = move || Ok(design(frame_rate_hz, &FilterOptions::default())?);
+            save(&taps, step()?.as_slice().iter().map(|tap| tap.to_le_bytes()))?;
+            repeated(step)
+        }
+        Case::Read { files, samples } => {
+            let mut frame = Frame::default();
+            let mut values = Vec::new();
+            for file in &files {
+                read(file, &mut frame)?;
+                match &frame.pixels {
+                    Pixels::Radiance(radiance) => {
+                        values.extend(radiance.iter().map(|value| value.to_le_bytes()))
+                    }
+                    Pixels::Codes(codes) => {
+                        values.extend(codes.iter().map(|&code| f32::from(code).to_le_bytes()))
+                    }
+                }
+            }
+            save(&samples, values)?;
+            repeated(move || Ok(files.iter().try_for_each(|file| read(file, &mut frame).map(drop))?))
+        }
+        Case::Write { samples, width, height, file } => {
+            let pixels = Pixels::Radiance(numbers(&samples, f32::from_le_bytes)?);
+            let frame = Frame { width, height, channels: 3, pixels, ..Frame::default() };
+            write_exr(&file, &frame, Some(25.0), true)?;
+            repeated(move || Ok(write_exr(&file, &frame, Some(25.0), true)?))
+        }
+        Case::Stream { bytes } => {
+            let words = vec![1u64; bytes / 8];
+            repeated(move || Ok(stream(black_box(&words))))
+        }
+    };
+    Ok((None, work))
+}
+
+pub fn repeated<T: 'static>(mut step: impl FnMut() -> Result<T> + 'static) -> Work {
+    Box::new(move || step().map(|result| drop(black_box(result))))
+}
+
+/// Reads every word once, eight sums side by side: what memory gives.
+fn stream(words: &[u64]) -> [u64; 8] {
+    let mut sums = [0u64; 8];
+    for chunk in words.as_chunks::<8>().0 {
+        for lane in 0..8 {
+            sums[lane] = sums[lane].wrapping_add(chunk[lane]);
+        }
+    }
+    sums
+}
