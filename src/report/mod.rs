@@ -1,9 +1,18 @@
 //! Speed against error: of the lights, and with feature `render` of pictures and of the renderer.
 
+pub mod built_in;
+pub mod document;
+pub mod folder;
 #[cfg(feature = "render")]
 pub mod frame_time;
+pub mod machine;
+pub mod page;
+mod page_plots;
+pub mod pareto;
 #[cfg(feature = "render")]
 pub mod picture_error;
+#[cfg(feature = "render")]
+pub mod picture_tables;
 #[cfg(feature = "render")]
 pub mod pictures;
 pub mod sequence;
@@ -14,3 +23,4 @@ pub mod speed;
 #[cfg(feature = "render")]
 pub mod speed_cases;
 pub mod stills;
+pub mod tables;

@@ -106,11 +106,7 @@ pub fn lines(rows: &[Row]) -> Vec<String> {
     let pair = |value: f64, published: f64| format!("{value:.4} ({published:.4})");
     for row in rows {
         let Row { sequence, method, measured: BeforeAndAfter { before, after }, published, .. } = row;
-        let method = match method {
-            Method::Paper => "equal power",
-            Method::Refined => "refined",
-            Method::Persistent => "persistent",
-        };
+        let method = method.name();
         let [p50, p99, max] = before.motion_deg;
         let [p50_after, p99_after, max_after] = after.motion_deg;
         lines.push(format!(

@@ -6,7 +6,13 @@ fn series(name: &str, points: &[(f64, f64)]) -> Series {
 }
 
 fn panel(series: Vec<Series>) -> Panel {
-    Panel { title: "map".into(), x_label: "lights".into(), y_label: "RMS / mean".into(), series }
+    Panel {
+        title: "map".into(),
+        x_label: "lights".into(),
+        y_label: "RMS / mean".into(),
+        series,
+        ..Panel::default()
+    }
 }
 
 fn plot(panels: Vec<Panel>) -> String {
@@ -145,6 +151,44 @@ fn axes_of_one_label_have_one_range() {
     let lines: Vec<_> = elements(&document, "polyline").into_iter().map(points).collect();
     let ((x, y), (x_beside, y_beside)) = (lines[0][1], lines[1][0]);
     assert!((x_beside - x - (LEFT + AREA_WIDTH + RIGHT)).abs() < 0.011 && y < y_beside - 100.0);
+}
+
+#[test]
+fn rings_stand_about_their_points() {
+    let points = [(1.0, 1.0), (2.0, 2.0), (4.0, 8.0)];
+    let rings = vec![(2.0, 2.0), (0.0, 1.0), (1.0, f64::NAN)];
+    let svg = plot(vec![Panel { rings, ..panel(vec![series("a", &points)]) }]);
+    let document = Document::parse(&svg).unwrap();
+    let circles = elements(&document, "circle");
+    let (rings, dots): (Vec<Node>, Vec<Node>) =
+        circles.into_iter().partition(|circle| circle.attribute("fill") == Some("none"));
+    assert_eq!((rings.len(), dots.len()), (1, 4));
+    let place = |circle: Node| (number(circle, "cx"), number(circle, "cy"));
+    assert_eq!(place(rings[0]), place(dots[1]));
+}
+
+#[test]
+fn parts_are_the_panels_as_they_stand_in_the_whole() {
+    let one = panel(vec![series("a", &[(1.0, 1.0), (2.0, 2.0)])]);
+    let other = panel(vec![series("<b>", &[(2.0, 2.0), (8.0, 64.0)])]);
+    let plot = Plot { title: "error".into(), panels: vec![one, other] };
+    let parts = plot.to_parts();
+    assert_eq!(parts.panels.len(), 2);
+    let whole = plot.to_svg();
+    let whole = Document::parse(&whole).unwrap();
+    let lines = elements(&whole, "polyline");
+    for (at, svg) in parts.panels.iter().enumerate() {
+        let document = Document::parse(svg).unwrap();
+        let alone = elements(&document, "polyline");
+        assert_eq!(alone[0].attribute("stroke"), lines[at].attribute("stroke"));
+        for ((x, y), (x_whole, y_whole)) in points(alone[0]).into_iter().zip(points(lines[at])) {
+            assert!((x + at as f64 * PANEL_WIDTH - x_whole).abs() < 0.011);
+            assert!((y + TITLE_HEIGHT - y_whole).abs() < 0.011);
+        }
+    }
+    let names: Vec<&str> = parts.legend.iter().map(|(_, name)| name.as_str()).collect();
+    assert_eq!(names, ["a", "<b>"]);
+    assert!(parts.legend.iter().all(|(sample, _)| Document::parse(sample).is_ok()));
 }
 
 #[test]
