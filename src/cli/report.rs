@@ -133,7 +133,7 @@ impl<'a> Report<'a> {
         let mut rows = Vec::new();
         for (map, pixels) in inputs.maps.iter().zip(&maps) {
             let origin = self.origin(map.name(), map.words());
-            self.bar.set_message(origin.name.clone());
+            self.bar.set_message(format!("map {}", origin.name));
             let (counts, shutdown, bar) = (&self.document.lights, self.shutdown, &self.bar);
             let goes_on = || {
                 bar.inc(1);
@@ -167,9 +167,9 @@ impl<'a> Report<'a> {
     }
 
     fn sequence(&mut self, moving: &Moving) -> Result<bool> {
-        self.bar.set_message(format!("{}: reading", moving.name()));
+        self.bar.set_message(format!("reading {}", moving.name()));
         let Some(sequence) = moving.read(self.arguments, self.shutdown)? else { return Ok(false) };
-        self.bar.set_message(moving.name());
+        self.bar.set_message(format!("sequence {}", moving.name()));
         let origin = match moving {
             Moving::Recorded(path) => self.origin(moving.name(), Some(path.as_path())),
             Moving::BuiltIn(_) => self.origin(moving.name(), None),
@@ -243,7 +243,7 @@ impl<'a> Report<'a> {
     /// Keeps a table and shows it; whether to go on.
     fn add(&mut self, table: Table, place: fn(&mut Document) -> &mut Vec<Table>) -> Result<bool> {
         self.show(&table.lines())?;
-        tracing::info!("{}: measured", table.name);
+        tracing::info!("{}: measured", self.bar.message());
         place(&mut self.document).push(table);
         self.save()?;
         Ok(self.goes_on())

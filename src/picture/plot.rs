@@ -29,6 +29,8 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// Points with a ring about them, which is drawn over the lines.
     pub rings: Vec<(f64, f64)>,
+    /// Name of the series with the thickest line.
+    pub emphasis: Option<String>,
 }
 
 /// A plot in pieces, for a page that puts them where there is room.
@@ -77,17 +79,17 @@ const LETTER: f64 = 6.6;
 impl Plot {
     /// The plot as an SVG document with a white background. A plot without panels is its title.
     pub fn to_svg(&self) -> String {
-        let names = self.names();
+        let entries = self.entries();
         let columns = if self.panels.len() == 4 { 2 } else { self.panels.len().clamp(1, COLUMNS) };
         let width = columns as f64 * PANEL_WIDTH;
         let legend_top = TITLE_HEIGHT + self.panels.len().div_ceil(columns) as f64 * PANEL_HEIGHT;
-        let (legend, legend_height) = legend(&names, width, legend_top);
+        let (legend, legend_height) = legend(&entries, width, legend_top);
         let mut svg = begin(width, legend_top + legend_height);
         text(&mut svg, width / 2.0, 24.0, r#"text-anchor="middle" font-size="16""#, &self.title);
         for (at, panel) in self.panels.iter().enumerate() {
             let left = (at % columns) as f64 * PANEL_WIDTH;
             let top = TITLE_HEIGHT + (at / columns) as f64 * PANEL_HEIGHT;
-            self.draw(panel, &mut svg, left, top, &names);
+            self.draw(panel, &mut svg, left, top, &entries);
         }
         svg.push_str(&legend);
         svg.push_str("</svg>\n");
@@ -96,33 +98,37 @@ impl Plot {
 
     /// The plot without its title, in pieces.
     pub fn to_parts(&self) -> Parts {
-        let names = self.names();
+        let entries = self.entries();
         let panels = self.panels.iter().map(|panel| {
             let mut svg = begin(PANEL_WIDTH, PANEL_HEIGHT);
-            self.draw(panel, &mut svg, 0.0, 0.0, &names);
+            self.draw(panel, &mut svg, 0.0, 0.0, &entries);
             svg + "</svg>\n"
         });
-        let legend = names.iter().enumerate().map(|(number, name)| {
+        let legend = entries.iter().map(|(name, style)| {
             let mut svg = begin(SAMPLE_WIDTH, 12.0);
-            sample(&mut svg, 0.0, 6.0, &Style::of(number));
+            sample(&mut svg, 0.0, 6.0, style);
             (svg + "</svg>", (*name).to_owned())
         });
         Parts { panels: panels.collect(), legend: legend.collect() }
     }
 
-    /// Names of all series, in the order of the legend.
-    fn names(&self) -> Vec<&str> {
+    /// Names and looks of all series, in the order of the legend.
+    fn entries(&self) -> Vec<(&str, Style)> {
         let mut names: Vec<&str> = Vec::new();
         for series in self.panels.iter().flat_map(|panel| &panel.series) {
             if !names.contains(&series.name.as_str()) {
                 names.push(&series.name);
             }
         }
-        names
+        let is_emphasised =
+            |name: &str| self.panels.iter().any(|panel| panel.emphasis.as_deref() == Some(name));
+        (names.into_iter().enumerate())
+            .map(|(number, name)| (name, Style::of(number, is_emphasised(name))))
+            .collect()
     }
 
     /// Draws a panel with its upper left corner at (left, top).
-    fn draw(&self, panel: &Panel, svg: &mut String, left: f64, top: f64, names: &[&str]) {
+    fn draw(&self, panel: &Panel, svg: &mut String, left: f64, top: f64, entries: &[(&str, Style)]) {
         let (left, top) = (left + LEFT, top + ABOVE);
         let alike = |is_alike: fn(&Panel, &Panel) -> bool| {
             self.panels.iter().filter(move |other| is_alike(panel, other)).flat_map(Panel::places)
@@ -131,7 +137,7 @@ impl Plot {
         let y_values = alike(|one, other| one.y_label == other.y_label).map(|(_, y)| y);
         let x_axis = Axis::new(x_values, left, left + AREA_WIDTH);
         let y_axis = Axis::new(y_values, top + AREA_HEIGHT, top);
-        panel.draw(svg, &x_axis, &y_axis, names);
+        panel.draw(svg, &x_axis, &y_axis, entries);
     }
 }
 
@@ -150,7 +156,7 @@ impl Panel {
         self.series.iter().flat_map(|series| &series.points).copied().filter(has_place)
     }
 
-    fn draw(&self, svg: &mut String, x_axis: &Axis, y_axis: &Axis, names: &[&str]) {
+    fn draw(&self, svg: &mut String, x_axis: &Axis, y_axis: &Axis, entries: &[(&str, Style)]) {
         let ((left, right), (bottom, top)) = (x_axis.ends_px(), y_axis.ends_px());
 
         for tick in x_axis.ticks() {
@@ -186,8 +192,7 @@ impl Panel {
         );
 
         for series in &self.series {
-            let number = names.iter().position(|name| *name == series.name).unwrap_or(0);
-            let style = Style::of(number);
+            let Some((_, style)) = entries.iter().find(|(name, _)| *name == series.name) else { continue };
             for run in series.points.split(|point| !has_place(point)).filter(|run| !run.is_empty()) {
                 let places: Vec<String> = run
                     .iter()
@@ -214,11 +219,16 @@ impl Panel {
 struct Style {
     colour: &'static str,
     dash: &'static str,
+    width: f64,
 }
 
 impl Style {
-    fn of(number: usize) -> Self {
-        Self { colour: COLOURS[number % COLOURS.len()], dash: DASHES[number / COLOURS.len() % DASHES.len()] }
+    fn of(number: usize, is_emphasised: bool) -> Self {
+        Self {
+            colour: COLOURS[number % COLOURS.len()],
+            dash: DASHES[number / COLOURS.len() % DASHES.len()],
+            width: if is_emphasised { 3.0 } else { 1.5 },
+        }
     }
 
     fn line(&self) -> String {
@@ -226,24 +236,25 @@ impl Style {
             "" => String::new(),
             dash => format!(r#" stroke-dasharray="{dash}""#),
         };
-        format!(r#"fill="none" stroke="{}" stroke-width="1.5" stroke-linejoin="round"{dash}"#, self.colour)
+        let Self { colour, width, .. } = self;
+        format!(r#"fill="none" stroke="{colour}" stroke-width="{width}" stroke-linejoin="round"{dash}"#)
     }
 }
 
 /// The entries of the legend from left to right in as many lines as the width needs, and its height.
-fn legend(names: &[&str], width: f64, top: f64) -> (String, f64) {
+fn legend(entries: &[(&str, Style)], width: f64, top: f64) -> (String, f64) {
     let mut svg = String::new();
     let (mut x, mut y) = (LEFT, top + LEGEND_LINE / 2.0);
-    for (number, name) in names.iter().enumerate() {
+    for (name, style) in entries {
         let entry = LEGEND_SAMPLE + LETTER * name.chars().count() as f64;
         if x + entry > width && x > LEFT {
             (x, y) = (LEFT, y + LEGEND_LINE);
         }
-        sample(&mut svg, x, y, &Style::of(number));
+        sample(&mut svg, x, y, style);
         text(&mut svg, x + 34.0, y + 4.0, "", name);
         x += entry;
     }
-    (svg, if names.is_empty() { 0.0 } else { y - top + LEGEND_LINE })
+    (svg, if entries.is_empty() { 0.0 } else { y - top + LEGEND_LINE })
 }
 
 /// A short piece of a line.

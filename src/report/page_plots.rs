@@ -1,6 +1,6 @@
 //! The plots of a report.
 
-use super::document::Table;
+use super::document::{Row, Table};
 use crate::picture::{Panel, Plot, Series};
 
 /// What stands along x.
@@ -13,7 +13,7 @@ pub(super) enum Against {
 }
 
 /// A panel for each ranked measure that has values, a series for each method with a point for each number of lights,
-/// and a ring about those on the front.
+/// a ring about those on the front, and a thick line for ours.
 pub(super) fn plot(title: &str, table: &Table, against: Against) -> Plot {
     let mut methods: Vec<&str> = Vec::new();
     for row in &table.rows {
@@ -26,7 +26,7 @@ pub(super) fn plot(title: &str, table: &Table, against: Against) -> Plot {
         Against::Lights => "lights",
     };
     let panels = table.shown().filter(|&at| table.measures[at].ranked).map(|at| {
-        let place = |row: &super::document::Row| {
+        let place = |row: &Row| {
             let x = if against == Against::Lights { row.lights as f64 } else { row.time_ms };
             (x, row.values[at])
         };
@@ -39,6 +39,7 @@ pub(super) fn plot(title: &str, table: &Table, against: Against) -> Plot {
             x_label: x_label.to_owned(),
             y_label: table.measures[at].name.to_owned(),
             series: series.collect(),
+            emphasis: Some(table.ours.to_owned()),
             rings: table.rows.iter().filter(|row| row.front[at]).map(place).collect(),
         }
     });
@@ -57,7 +58,7 @@ mod tests {
         assert_eq!(of_map.panels.len(), 1);
         let panel = &of_map.panels[0];
         assert_eq!((panel.x_label.as_str(), panel.y_label.as_str()), ("ms per map", "shadow error"));
-        assert_eq!(panel.series[0].name, "refined");
+        assert_eq!((panel.series[0].name.as_str(), panel.emphasis.as_deref()), ("refined", Some("refined")));
         assert_eq!(panel.series[0].points, [(1.0, 0.04), (2.0, 0.01)]);
         assert_eq!(panel.rings, [(1.0, 0.04), (2.0, 0.01), (1.5, 0.02)]);
         let by_lights = plot("a map", &document.maps[0], Against::Lights);

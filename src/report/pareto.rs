@@ -75,6 +75,8 @@ pub fn figure(value: f64) -> String {
         format!("{value:.2e}")
     } else if value.abs() >= 10.0 {
         format!("{value:.2}")
+    } else if value.abs() >= 1.0 {
+        format!("{value:.3}")
     } else {
         format!("{value:.5}")
     }
@@ -88,7 +90,7 @@ mod tests {
     fn a_point_is_on_the_front_unless_another_is_better() {
         let points = [(1.0, 0.5), (2.0, 0.1), (2.5, 0.1), (0.5, 0.6), (3.0, 0.6)];
         assert_eq!(front(&points), [true, true, false, true, false]);
-        assert_eq!(front(&[]), []);
+        assert!(front(&[]).is_empty());
         assert_eq!(front(&[(1.0, 1.0), (1.0, 1.0), (1.0, 2.0)]), [true, true, false]);
     }
 
@@ -134,7 +136,7 @@ mod tests {
 
     #[test]
     fn figures_have_digits_that_say_something() {
-        let written = [0.0, 0.25, 12.345, 0.000_123, 1e-9, 54321.0, -0.5].map(figure);
-        assert_eq!(written, ["0", "0.25000", "12.35", "1.23e-4", "1.00e-9", "5.43e4", "-0.50000"]);
+        let written = [0.0, 0.25, 12.346, 1.5, 0.000_123, 1e-9, 54321.0, -0.5].map(figure);
+        assert_eq!(written, ["0", "0.25000", "12.35", "1.500", "1.23e-4", "1.00e-9", "5.43e4", "-0.50000"]);
     }
 }

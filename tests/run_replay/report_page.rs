@@ -26,7 +26,10 @@ fn json(folder: &Path) -> Value {
 /// The page as XML, which it has to be, and a look into it.
 fn with_page<T>(folder: &Path, look: impl FnOnce(&Document) -> T) -> T {
     let html = fs::read_to_string(folder.join("index.html")).unwrap();
-    look(&Document::parse_with_options(&html, ParsingOptions { allow_dtd: true, ..Default::default() }).unwrap())
+    look(
+        &Document::parse_with_options(&html, ParsingOptions { allow_dtd: true, ..Default::default() })
+            .unwrap(),
+    )
 }
 
 #[test]
@@ -37,7 +40,12 @@ fn the_page_has_every_input_and_beside_each_table_the_command_that_prints_it() {
     fs::remove_file(sequence.configuration()).unwrap();
     let output = folder.path().join("out/report");
     let mut command = lightcast();
-    command.arg("report").args(&maps).arg(sequence.path()).args(["--lights", "16,4,16", "--output"]).arg(&output);
+    command
+        .arg("report")
+        .args(&maps)
+        .arg(sequence.path())
+        .args(["--lights", "16,4,16", "--output"])
+        .arg(&output);
     let run = command.output().unwrap();
     assert!(run.status.success(), "{}", stderr(&run));
     assert!(String::from_utf8(run.stdout).unwrap().trim_end().ends_with("out/report/index.html"));

@@ -41,7 +41,7 @@ pub(super) fn measure(report: &mut Report, maps: &[Map]) -> Result<bool> {
     let mut pictures = Pictures::new(gpu, Scene::built_in(), &options())?;
     for map in maps {
         let Origin { name, command } = report.origin(map.name(), map.words());
-        report.bar.set_message(format!("pictures, {name}"));
+        report.bar.set_message(format!("pictures under {name}"));
         let origin = Origin { name, command: with_pictures(&command) };
         let (counts, shutdown) = (report.document.lights.clone(), report.shutdown);
         let goes_on = || !shutdown.is_requested();

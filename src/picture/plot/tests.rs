@@ -128,12 +128,23 @@ fn extreme_values_have_a_place_and_few_labels() {
     assert!((x - (2.0 * LEFT + 1.5 * AREA_WIDTH + RIGHT)).abs() < 0.006);
     assert!((y - (TITLE_HEIGHT + ABOVE + AREA_HEIGHT / 2.0)).abs() < 0.006);
     assert!(elements(&document, "text").len() < 40);
-    for (low, high) in
-        [(1.0, 1.0), (1.0, 1.3), (4.0, 512.0), (0.9, 1.1), (1e-9, 1e9), (3.0, 40.0), (95.0, 96.0)]
-    {
-        let axis = Axis::new([low, high].into_iter(), 0.0, 1.0);
-        let labels = axis.ticks().iter().filter(|tick| tick.is_labelled).count();
-        assert!((1..=9).contains(&labels), "{low} to {high}: {labels} labels");
+    for (low, high) in [
+        (1.0, 1.0),
+        (1.0, 1.3),
+        (4.0, 512.0),
+        (0.9, 1.1),
+        (1e-9, 1e9),
+        (3.0, 40.0),
+        (95.0, 96.0),
+        (0.27, 1.6),
+    ] {
+        let axis = Axis::new([low, high].into_iter(), 0.0, AREA_WIDTH);
+        let ticks = axis.ticks();
+        let labelled: Vec<f64> =
+            ticks.iter().filter(|tick| tick.is_labelled).map(|tick| tick.value).collect();
+        assert!((1..=9).contains(&labelled.len()), "{low} to {high}: {labelled:?}");
+        let places: Vec<f64> = labelled.iter().map(|&value| axis.position(value)).collect();
+        assert!(places.windows(2).all(|pair| pair[1] - pair[0] >= 28.0), "{low} to {high}: {labelled:?}");
     }
 }
 
@@ -165,6 +176,17 @@ fn rings_stand_about_their_points() {
     assert_eq!((rings.len(), dots.len()), (1, 4));
     let place = |circle: Node| (number(circle, "cx"), number(circle, "cy"));
     assert_eq!(place(rings[0]), place(dots[1]));
+}
+
+#[test]
+fn the_emphasised_series_has_the_thickest_line_in_the_legend_too() {
+    let lines = vec![series("a", &[(1.0, 1.0), (2.0, 2.0)]), series("b", &[(1.0, 2.0), (2.0, 1.0)])];
+    let svg = plot(vec![Panel { emphasis: Some("b".into()), ..panel(lines) }]);
+    let document = Document::parse(&svg).unwrap();
+    let strokes: Vec<Node> =
+        document.descendants().filter(|node| node.has_attribute("stroke-width")).collect();
+    let widths: Vec<f64> = strokes.iter().map(|node| number(*node, "stroke-width")).collect();
+    assert_eq!(widths, [1.5, 3.0, 1.5, 3.0]);
 }
 
 #[test]
