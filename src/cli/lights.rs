@@ -47,12 +47,22 @@ pub(super) enum SamplerName {
     Refined,
     /// Lights of equal luminous power at the samples (Havran et al. 2005).
     EqualPower,
+    /// Rectangles of even energy (Debevec 2005).
+    MedianCut,
+    /// Rectangles of little variance (Viriyothai and Debevec 2009).
+    VarianceMinimisation,
+    /// Strata of connected pixels of alike radiance (Agarwal et al. 2003).
+    Structured,
+    /// Cells about relaxed sites whose number grows (Kollig and Keller 2003).
+    KolligKeller,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum InversionName {
-    /// Continuous in both directions, over the concentric map (Havran et al. 2003).
+    /// Continuous in both directions, over the concentric map (Havran et al. 2003), rows interpolated as they are.
     Bicontinuous,
+    /// The same with rows normalised before, as the paper has it.
+    NormalisedRows,
     /// Row, then column within the row.
     Standard,
 }
@@ -62,6 +72,10 @@ impl From<SamplerName> for Sampler {
         match name {
             SamplerName::Refined => Self::Refined,
             SamplerName::EqualPower => Self::EqualPower,
+            SamplerName::MedianCut => Self::MedianCut,
+            SamplerName::VarianceMinimisation => Self::VarianceMinimisation,
+            SamplerName::Structured => Self::Structured,
+            SamplerName::KolligKeller => Self::KolligKeller,
         }
     }
 }
@@ -74,6 +88,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         sampler: arguments.sampler.into(),
         inversion: match arguments.inversion {
             InversionName::Bicontinuous => Inversion::Bicontinuous,
+            InversionName::NormalisedRows => Inversion::NormalisedRows,
             InversionName::Standard => Inversion::Standard,
         },
         ..Options::default()

@@ -1,7 +1,11 @@
 use super::equal_power::equal_power;
+use super::kollig_keller::{Voronoi, kollig_keller};
+use super::median_cut::median_cut;
 use super::nearest::NearestSites;
 use super::peaks::{PeakOptions, Peaks};
 use super::refine::Cells;
+use super::structured::structured;
+use super::variance_minimisation::variance_minimisation;
 use super::{Light, LightList, MapIrradiance};
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape, luminance};
@@ -30,6 +34,21 @@ pub enum Sampler {
     /// As refined, about the directions of the last frame. For sequences.
     #[default]
     Persistent,
+    /// Rectangles of even energy (Debevec 2005). This and the following are for comparison: they allocate in every frame.
+    MedianCut,
+    /// Rectangles of little variance (Viriyothai and Debevec 2009).
+    VarianceMinimisation,
+    /// Strata of connected pixels of alike radiance (Agarwal et al. 2003).
+    Structured,
+    /// Cells about relaxed sites whose number grows (Kollig and Keller 2003).
+    KolligKeller,
+}
+
+impl Sampler {
+    /// Whether dominant peaks may be taken apart before.
+    fn takes_peaks(self) -> bool {
+        matches!(self, Self::Refined | Self::Persistent)
+    }
 }
 
 /// Which inverse transform places samples (METHODS section 5).
@@ -39,6 +58,8 @@ pub enum Inversion {
     /// [`Bicontinuous`].
     #[default]
     Bicontinuous,
+    /// [`Bicontinuous`] with rows normalised before they are interpolated, as the paper has it.
+    NormalisedRows,
     /// [`Standard`], the baseline.
     Standard,
 }
@@ -55,7 +76,7 @@ pub struct Options {
     pub inversion: Inversion,
     /// Steps of Lloyd's relaxation of the sample points, 0 to 100, at start-up.
     pub relaxation_steps: usize,
-    /// Dominant peaks that become lights of their own; not for equal-power lights.
+    /// Dominant peaks that become lights of their own; for refined and persistent lights only.
     pub peaks: PeakOptions,
 }
 
@@ -101,7 +122,7 @@ impl Extractor {
     ///
     /// # Errors
     /// `Usage` for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps, for peaks that leave no
-    /// light for the rest, have a threshold of 1 or less or are asked of equal-power lights, and for a shape without
+    /// light for the rest, have a threshold of 1 or less or are asked of a sampler that has none, and for a shape without
     /// pixels, with too many, narrower than 0.001 rad or not within the sphere.
     pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
         let Options { count, sampler, inversion, relaxation_steps, peaks } = *options;
@@ -114,9 +135,9 @@ impl Extractor {
             )));
         }
         peaks.check(count)?;
-        if peaks.slots > 0 && sampler == Sampler::EqualPower {
+        if peaks.slots > 0 && !sampler.takes_peaks() {
             return Err(Error::usage(
-                "peaks.slots: equal-power lights have none; give 0, or another sampler",
+                "peaks.slots: only refined and persistent lights have them; give 0, or one of these samplers",
             ));
         }
         let pixels = shape.columns.checked_mul(shape.rows).filter(|&n| (1..=MAX_PIXELS).contains(&n));
@@ -139,9 +160,14 @@ impl Extractor {
                 let edges: Vec<f64> = (0..=shape.rows).map(|row| z(row as f64)).collect();
                 Distribution::Standard(Standard::new(shape.columns, &edges))
             }
-            Inversion::Bicontinuous => {
+            Inversion::Bicontinuous | Inversion::NormalisedRows => {
                 let centres: Vec<f64> = (0..shape.rows).map(|row| z(row as f64 + 0.5)).collect();
-                Distribution::Bicontinuous(Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64)))
+                let distribution = Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64));
+                Distribution::Bicontinuous(if inversion == Inversion::NormalisedRows {
+                    distribution.with_normalised_rows()
+                } else {
+                    distribution
+                })
             }
         };
         let site_count = count - peaks.slots;
@@ -220,6 +246,18 @@ impl Extractor {
                 for (site, light) in self.sites.iter_mut().zip(lights.iter()) {
                     *site = light.direction;
                 }
+            }
+            Sampler::MedianCut => median_cut(map, self.points.len(), lights),
+            Sampler::VarianceMinimisation => variance_minimisation(map, self.points.len(), lights),
+            Sampler::Structured => structured(map, self.points.len(), lights),
+            Sampler::KolligKeller => {
+                self.sample_sites(map, dampened);
+                let voronoi = Voronoi {
+                    nearest_sites: &mut self.nearest_sites,
+                    nearest: &mut self.nearest,
+                    cells: &mut self.cells,
+                };
+                kollig_keller(map, voronoi, &mut self.sites, lights);
             }
         }
     }

@@ -2,20 +2,26 @@
 //!
 //! [`Extractor`] is the stage's algorithm: it places sites by importance sampling or takes those of the last frame,
 //! gives every pixel to its nearest site and sums the cells up to lights. Dominant peaks may be taken apart before.
+//! Other methods of the field have a file each, for comparison and for whoever chooses them.
 //! [`prefix`] and [`cluster`] shorten a list, [`Regions`] sort it by what a normal or a cone needs of it.
 
 mod cluster;
 mod equal_power;
 pub mod error;
 mod extractor;
+mod kollig_keller;
 mod list;
 pub mod measure;
+mod median_cut;
 mod nearest;
 mod peaks;
 mod prefix;
+mod rectangles;
 mod reference;
 mod refine;
 mod regions;
+mod structured;
+mod variance_minimisation;
 
 #[cfg(test)]
 mod extractor_tests;

@@ -20,6 +20,7 @@ pub struct Bicontinuous {
     rows: Rows,
     row_count: usize,
     z_max: f64,
+    is_normalised: bool,
 }
 
 impl Bicontinuous {
@@ -33,7 +34,15 @@ impl Bicontinuous {
             rows: Rows::new(columns, z_centres.len()),
             row_count: z_centres.len(),
             z_max,
+            is_normalised: false,
         }
+    }
+
+    /// Normalises every row's CDF before rows are interpolated, as in the papers: the azimuth at the part x of the way
+    /// between two rows then has the mean, with weights 1 - x and x, of their normalised distributions, however bright
+    /// each is; a dark row counts as uniform.
+    pub fn with_normalised_rows(self) -> Self {
+        Self { is_normalised: true, ..self }
     }
 
     /// Takes new densities per solid angle, row-major.
@@ -45,6 +54,9 @@ impl Bicontinuous {
         let first = self.rows.totals().take(1);
         let last = self.rows.totals().rev().take(1);
         self.radial.update(first.chain(self.rows.totals()).chain(last));
+        if self.is_normalised {
+            self.rows.normalise();
+        }
     }
 
     /// Integral over solid angle of the interpolated values: that of the map only nearly.
@@ -65,7 +77,13 @@ impl Bicontinuous {
             return 0.0;
         }
         let total = self.integral();
-        if total > 0.0 { self.ring(z).value(phi) / total } else { 1.0 / (TAU * self.z_max) }
+        if total <= 0.0 {
+            1.0 / (TAU * self.z_max)
+        } else if self.is_normalised {
+            self.radial.pdf(z) * self.ring(z).value(phi)
+        } else {
+            self.ring(z).value(phi) / total
+        }
     }
 
     /// The point of the unit square of a position.

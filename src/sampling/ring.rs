@@ -48,6 +48,17 @@ impl Rows {
         }
     }
 
+    /// Makes the integral over each row 1, and a row of zeros uniform.
+    pub(super) fn normalise(&mut self) {
+        let columns = self.columns;
+        for table in self.cumulative.chunks_exact_mut(columns + 1) {
+            let total = table[columns];
+            for (column, entry) in table.iter_mut().enumerate() {
+                *entry = if total > 0.0 { *entry / total } else { column as f64 / columns as f64 };
+            }
+        }
+    }
+
     /// Integral over each row.
     pub(super) fn totals(&self) -> impl DoubleEndedIterator<Item = f64> + Clone {
         self.cumulative.chunks_exact(self.columns + 1).map(|table| table[self.columns])

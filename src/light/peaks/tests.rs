@@ -155,7 +155,7 @@ fn options_that_make_no_sense_are_refused_by_key() {
         (Options { peaks: PeakOptions { slots: 4, ..peaks }, ..options }, "peaks.slots: 4 of 4"),
         (Options { peaks: PeakOptions { threshold: 1.0, ..peaks }, ..options }, "peaks.threshold: 1 "),
         (Options { peaks: PeakOptions { threshold: f64::NAN, ..peaks }, ..options }, "peaks.threshold: NaN"),
-        (Options { peaks, sampler: Sampler::EqualPower, ..options }, "peaks.slots: equal-power"),
+        (Options { peaks, sampler: Sampler::EqualPower, ..options }, "peaks.slots: only refined"),
     ] {
         let message = Extractor::new(SHAPE, &options).unwrap_err().to_string();
         assert!(message.starts_with(words), "{words}: {message}");

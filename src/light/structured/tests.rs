@@ -1,0 +1,132 @@
+use super::{Component, Strata, apportion, components, levels, structured};
+use crate::image::{PolarMap, PolarShape};
+use crate::light::measure::Reference;
+use crate::light::test_maps::{hard_maps, real_maps};
+use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
+
+const SHAPE: PolarShape = PolarShape::hemisphere(36, 9);
+
+#[test]
+fn levels_are_multiples_of_the_deviation() {
+    // A quarter at 3, the rest at 0: mean 0.75, deviation 1.3, so that 3 is in level 2.
+    let map = PolarMap::from_fn(SHAPE, |_, column| [if column < 9 { 3.0 } else { 0.0 }; 3]);
+    let expected = (0..map.pixels.len()).map(|index| if index % 36 < 9 { 2 } else { 0 });
+    assert!(levels(&map).into_iter().eq(expected));
+    let constant = PolarMap::from_fn(SHAPE, |_, _| [0.3, 0.7, 0.1]);
+    assert!(levels(&constant).iter().all(|&level| level == 0));
+    let sun = PolarMap::from_fn(SHAPE, |row, column| [if (row, column) == (4, 4) { 1e8 } else { 1.0 }; 3]);
+    assert_eq!(levels(&sun).iter().filter(|&&level| level == 5).count(), 1);
+}
+
+#[test]
+fn components_hang_together_across_the_seam_and_over_the_pole() {
+    // Two bright patches that touch over phi = 0, two that touch over the pole, one by itself.
+    let bright = [(5, 0), (5, 35), (0, 3), (0, 20), (7, 12)];
+    let map = PolarMap::from_fn(SHAPE, |r, c| [if bright.contains(&(r, c)) { 100.0 } else { 1.0 }; 3]);
+    let (found, members) = components(&map);
+    let mut sizes: Vec<usize> = found
+        .iter()
+        .filter(|component| component.level > 0)
+        .map(|component| component.members.len())
+        .collect();
+    sizes.sort_unstable();
+    assert_eq!(sizes, [1, 2, 2]);
+    let mut all = members;
+    all.sort_unstable();
+    assert!(all.into_iter().eq(0..map.pixels.len()), "every pixel in one component");
+}
+
+#[test]
+fn importance_is_illumination_times_the_fourth_root_of_solid_angle() {
+    let map = PolarMap::from_fn(SHAPE, |_, _| [2.0; 3]);
+    let (found, _) = components(&map);
+    let hemisphere = std::f64::consts::TAU;
+    assert!((found[0].importance / (2.0 * hemisphere * hemisphere.powf(0.25)) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn samples_are_in_proportion_to_importance_and_no_more_than_pixels() {
+    let component = |importance, pixels| Component { level: 0, members: 0..pixels, importance };
+    let counts = apportion(&[component(6.0, 99), component(3.0, 99), component(1.0, 99)], 20);
+    assert_eq!(counts, [12, 6, 2]);
+    let capped = apportion(&[component(1e9, 3), component(1.0, 99), component(0.0, 99)], 20);
+    assert_eq!(capped, [3, 17, 0]);
+    assert_eq!(apportion(&[component(0.0, 4)], 20), [4]);
+}
+
+#[test]
+fn samples_lie_at_least_as_far_apart_as_any_pixel_from_its_nearest() {
+    // What makes the farthest-point rule a 2-approximation: no set of as many can cover the component with half of
+    // that distance, as two of these points and one further pixel would share one of its discs.
+    let map = PolarMap::from_fn(PolarShape::hemisphere(72, 18), |_, _| [1.0; 3]);
+    let mut radii = Vec::new();
+    for count in [4, 16, 64] {
+        let strata = Strata::new(&map, count);
+        let place = |pixel: usize| super::direction(&map, pixel);
+        let apart = |a: usize, b: usize| crate::math::angle_between(place(a), place(b));
+        let radius = (0..map.pixels.len())
+            .map(|pixel| apart(pixel, strata.sites[strata.nearest[pixel] as usize]))
+            .fold(0.0, f64::max);
+        let mut least = f64::INFINITY;
+        for (i, &a) in strata.sites.iter().enumerate() {
+            for &b in &strata.sites[..i] {
+                least = least.min(apart(a, b));
+            }
+        }
+        assert!(least >= radius - 1e-9, "{count}: {least} {radius}");
+        radii.push(radius);
+    }
+    // Four times the samples cover with about half the radius.
+    for pair in radii.windows(2) {
+        assert!((0.4..0.65).contains(&(pair[1] / pair[0])), "{radii:?}");
+    }
+}
+
+#[test]
+fn hard_maps_have_no_more_samples_than_pixels_and_a_stratum_for_each_pixel() {
+    for (name, map) in hard_maps() {
+        for count in [1, 7, 500] {
+            let strata = Strata::new(&map, count);
+            assert_eq!(strata.sites.len(), count.min(map.pixels.len()), "{name} {count}");
+            assert!(strata.nearest.iter().all(|&site| (site as usize) < strata.sites.len()), "{name}");
+            let mut sites = strata.sites.clone();
+            sites.sort_unstable();
+            sites.dedup();
+            assert_eq!(sites.len(), strata.sites.len(), "{name} {count}: two samples on a pixel");
+        }
+    }
+}
+
+/// The paper's finding: less error than importance sampling by plain inversion, with as many samples.
+#[test]
+fn real_maps_have_less_error_than_by_plain_inversion() {
+    let shape = PolarShape::hemisphere(360, 90);
+    let (mut lights, mut list) = (Vec::new(), LightList::default());
+    let (mut worse, mut cases) = (0, 0);
+    for (name, map) in real_maps(shape) {
+        let reference = Reference::new(&map);
+        for count in [64, 256] {
+            structured(&map, count, &mut lights);
+            let errors = reference.errors(&lights);
+            let options = Options {
+                count,
+                sampler: Sampler::EqualPower,
+                inversion: Inversion::Standard,
+                ..Options::default()
+            };
+            Extractor::new(shape, &options).unwrap().step(&map, &mut list);
+            let plain = reference.errors(&list.lights);
+            println!("{name} {count}: {errors:?}, plain {plain:?}");
+            cases += 3;
+            for (ours, plain) in [
+                (errors.irradiance, plain.irradiance),
+                (errors.shadow, plain.shadow),
+                (errors.glossy, plain.glossy),
+            ] {
+                worse += usize::from(ours >= plain);
+            }
+        }
+    }
+    println!("worse than plain inversion in {worse} of {cases}");
+    assert_eq!(worse, 0);
+}
