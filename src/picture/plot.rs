@@ -29,7 +29,7 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// Points with a ring about them, which is drawn over the lines.
     pub rings: Vec<(f64, f64)>,
-    /// Name of the series with the thickest line.
+    /// Name of the series with the thickest and darkest line.
     pub emphasis: Option<String>,
 }
 
@@ -55,6 +55,8 @@ pub struct Series {
 /// Colours that people with any of the common colour deficiencies can tell apart, all dark enough for thin lines on
 /// white: M. Okabe and K. Ito 2008, *Color Universal Design*, without yellow.
 const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9"];
+/// The colour of the emphasised series, which then is no other's.
+const EMPHASIS: &str = "#000000";
 /// Dashes of the lines when all colours have been used once, so that 21 series can be told apart.
 const DASHES: [&str; 3] = ["", "7 4", "2 3"];
 const COLUMNS: usize = 3;
@@ -122,9 +124,20 @@ impl Plot {
         }
         let is_emphasised =
             |name: &str| self.panels.iter().any(|panel| panel.emphasis.as_deref() == Some(name));
-        (names.into_iter().enumerate())
-            .map(|(number, name)| (name, Style::of(number, is_emphasised(name))))
-            .collect()
+        let palette: Vec<&'static str> = match names.iter().any(|name| is_emphasised(name)) {
+            true => COLOURS.into_iter().filter(|colour| *colour != EMPHASIS).collect(),
+            false => COLOURS.to_vec(),
+        };
+        let mut looks =
+            DASHES.into_iter().cycle().flat_map(|dash| palette.iter().map(move |colour| (*colour, dash)));
+        let mut style = |name: &str| match is_emphasised(name) {
+            true => Style { colour: EMPHASIS, dash: "", width: 3.0 },
+            false => {
+                let (colour, dash) = looks.next().unwrap_or((EMPHASIS, ""));
+                Style { colour, dash, width: 1.5 }
+            }
+        };
+        names.into_iter().map(|name| (name, style(name))).collect()
     }
 
     /// Draws a panel with its upper left corner at (left, top).
@@ -223,14 +236,6 @@ struct Style {
 }
 
 impl Style {
-    fn of(number: usize, is_emphasised: bool) -> Self {
-        Self {
-            colour: COLOURS[number % COLOURS.len()],
-            dash: DASHES[number / COLOURS.len() % DASHES.len()],
-            width: if is_emphasised { 3.0 } else { 1.5 },
-        }
-    }
-
     fn line(&self) -> String {
         let dash = match self.dash {
             "" => String::new(),

@@ -1,9 +1,9 @@
 use super::{Voronoi, grow, kollig_keller};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
+use crate::light::Light;
 use crate::light::nearest::NearestSites;
 use crate::light::refine::Cells;
 use crate::light::test_maps::{hard_maps, real_map};
-use crate::light::Light;
 use crate::math::fibonacci_sphere;
 
 /// What a relaxation needs.

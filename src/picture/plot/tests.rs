@@ -179,14 +179,21 @@ fn rings_stand_about_their_points() {
 }
 
 #[test]
-fn the_emphasised_series_has_the_thickest_line_in_the_legend_too() {
-    let lines = vec![series("a", &[(1.0, 1.0), (2.0, 2.0)]), series("b", &[(1.0, 2.0), (2.0, 1.0)])];
+fn the_emphasised_series_has_the_thickest_line_in_the_legend_too_and_black_alone() {
+    let names = ["a", "b", "c", "d", "e", "f", "g", "h"];
+    let lines = names.iter().map(|name| series(name, &[(1.0, 1.0), (2.0, 2.0)])).collect();
     let svg = plot(vec![Panel { emphasis: Some("b".into()), ..panel(lines) }]);
     let document = Document::parse(&svg).unwrap();
     let strokes: Vec<Node> =
         document.descendants().filter(|node| node.has_attribute("stroke-width")).collect();
     let widths: Vec<f64> = strokes.iter().map(|node| number(*node, "stroke-width")).collect();
-    assert_eq!(widths, [1.5, 3.0, 1.5, 3.0]);
+    let expected = [1.5, 3.0, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5];
+    assert_eq!(widths, [expected, expected].concat());
+    let black = strokes.iter().filter(|node| node.attribute("stroke") == Some("#000000"));
+    assert!(black.map(|node| number(*node, "stroke-width")).eq([3.0, 3.0]));
+    let looks: std::collections::BTreeSet<_> =
+        strokes.iter().map(|node| (node.attribute("stroke"), node.attribute("stroke-dasharray"))).collect();
+    assert_eq!(looks.len(), names.len());
 }
 
 #[test]
