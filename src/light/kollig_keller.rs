@@ -6,11 +6,11 @@
 //! begins with one node and grows, a new node beside that of the cell with the highest total intensity, so that the
 //! relaxation does not end in a poor local minimum and the intensities become much alike.
 //!
-//! Chosen here: as soon as there are 16 nodes an eighth of them is added at once, where the paper adds one, so that the
-//! time grows with the number of lights by little more than the passes over cells do; two steps of relaxation after
-//! every growth and eight at the end; a new node stands half of its cell's spread away from the old one, the directions
-//! turned by the golden angle. A cell of a single lit pixel is not split, and a node whose cell is dark is put beside a
-//! bright one.
+//! Chosen here: as soon as there are 16 nodes an eighth of them is added at once, beside those of the brightest cells,
+//! where the paper adds one, so that the time grows with the number of lights by little more than a pass over the map
+//! does; four steps of relaxation after every growth and eight at the end; a new node stands half of its cell's spread
+//! away from the old one, the directions turned by the golden angle. A cell of a single lit pixel is not split, and
+//! nodes whose cells are dark are put beside bright ones.
 
 use super::Light;
 use super::nearest::NearestSites;
@@ -21,7 +21,7 @@ use std::f64::consts::PI;
 
 /// Nodes for one that is added at once.
 const NODES_PER_NEW_ONE: usize = 8;
-const STEPS_PER_GROWTH: usize = 2;
+const STEPS_PER_GROWTH: usize = 4;
 const STEPS_AT_THE_END: usize = 8;
 
 /// Where pixels belong, and what their cells hold.
@@ -81,7 +81,7 @@ fn grow(shape: PolarShape, sites: &mut [[f32; 3]], used: usize, lights: &[Light]
     let mut bright: Vec<&Light> =
         lights.iter().filter(|light| light.luminance() > 0.0 && light.spread_rad > 0.0).collect();
     bright.sort_by(|a, b| b.luminance().total_cmp(&a.luminance()));
-    bright.truncate((used / NODES_PER_NEW_ONE).max(1));
+    bright.truncate(dark.len() + (used / NODES_PER_NEW_ONE).max(1));
     // Nearer than to the next pixel a new site would find nothing.
     let least_rad = 0.5 * shape.theta_max_rad / shape.rows as f64;
     let mut grown = used;
@@ -90,7 +90,7 @@ fn grow(shape: PolarShape, sites: &mut [[f32; 3]], used: usize, lights: &[Light]
         let Some(place) = places.next() else { break };
         let about = DVec3::from(light.direction.map(f64::from));
         let (east, north) = about.any_orthonormal_pair();
-        let (sin, cos) = (place as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();
+        let (sin, cos) = ((used + place) as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();
         let away_rad = (0.5 * f64::from(light.spread_rad)).max(least_rad);
         let site = about * away_rad.cos() + (east * cos + north * sin) * away_rad.sin();
         sites[place] = site.as_vec3().normalize_or(glam::Vec3::Y).to_array();

@@ -2,13 +2,14 @@
 //!
 //! The paper's, by its steps: (1) the map is one region; (2) every region is cut along its longer dimension "such that
 //! its light energy is divided evenly"; (3) that is done n times, for 2^n regions; (4) a light stands at the centroid of
-//! each region; (5) its colour is the sum of the region's pixels. Energy is luminance weighted by solid angle (the paper
-//! scales pixels by the cosine of their latitude), and the width of a region is multiplied by the same cosine at its
-//! middle.
+//! each region; (5) its colour is the sum of the region's pixels. Energy is luminance weighted by solid angle, as the
+//! paper weights pixels by the cosine of their latitude.
 //!
-//! Chosen here: regions consist of whole pixels, so that the halves differ by at most the energy of a slice; of equally
-//! good cuts the one nearest to the middle is taken; a dark region is cut as if it were evenly lit; the centroid is that
-//! of the light, on the sphere; for a number that is no power of two the regions with the most energy are cut once more.
+//! Chosen here: regions consist of whole pixels, and a cut is the last edge that has no more than half of the energy
+//! before it; a region is as wide as its widest row, where the paper takes its middle; a dark region is cut as if it were
+//! evenly lit; the centroid is that of the light, on the sphere; for a number that is no power of two the regions with
+//! the most energy are cut once more. With the edge nearest to the half, and the width at the middle, errors are 13 to
+//! 26 % higher (geometric means over the thirteen maps of METHODS section 6, 64 and 256 lights).
 
 use super::Light;
 use super::rectangles::{Content, Pixels, Rectangle, divide};
@@ -30,17 +31,16 @@ fn halves(pixels: &Pixels<'_>, rectangle: &Rectangle) -> Option<[Rectangle; 2]> 
     let axis = pixels.longer_axis(rectangle)?;
     let slices = pixels.lit_slices(rectangle, axis);
     let energies = slices.iter().map(|slice| luminance_f64(slice.flux));
-    let total: f64 = energies.clone().sum();
-    let (mut first, mut best) = (0.0, (f64::INFINITY, usize::MAX, 1));
-    for (index, energy) in energies.take(slices.len() - 1).enumerate() {
-        first += energy;
-        let length = index + 1;
-        let candidate = ((2.0 * first - total).abs(), (2 * length).abs_diff(slices.len()), length);
-        if candidate < best {
-            best = candidate;
-        }
-    }
-    Some(rectangle.cut(axis, best.2))
+    let half = 0.5 * energies.clone().sum::<f64>();
+    let mut sum = 0.0;
+    let within = energies.take_while(|energy| {
+        sum += energy;
+        // An exact half stays one after rounding.
+        sum <= half * (1.0 + 1e-12)
+    });
+    // Both parts have a slice at least.
+    let length = within.count().clamp(1, slices.len() - 1);
+    Some(rectangle.cut(axis, length))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::image::{PolarMap, luminance_f64};
 use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
 /// Pixels of a map; at least one.
@@ -85,16 +85,19 @@ impl<'a> Pixels<'a> {
         Rectangle { rows: 0..self.map.shape.rows, columns: 0..self.map.shape.columns }
     }
 
-    /// The axis along which a rectangle is longer as seen on the sphere, the width taken at its middle row (Debevec
-    /// 2005, step 2), if it has more than one slice along it; otherwise the other. `None` for a single pixel.
+    /// The axis along which a rectangle is longer as seen on the sphere, the width taken where it is widest, if it has
+    /// more than one slice along it; otherwise the other. `None` for a single pixel.
     pub(super) fn longer_axis(&self, rectangle: &Rectangle) -> Option<Axis> {
         let shape = self.map.shape;
-        let middle_rad =
-            0.5 * (shape.theta_edge_rad(rectangle.rows.start) + shape.theta_edge_rad(rectangle.rows.end));
-        let height_rad = shape.theta_max_rad * rectangle.rows.len() as f64 / shape.rows as f64;
-        let width_rad = TAU * rectangle.columns.len() as f64 / shape.columns as f64 * middle_rad.sin();
-        let axes =
-            if height_rad > width_rad { [Axis::Rows, Axis::Columns] } else { [Axis::Columns, Axis::Rows] };
+        let (top_rad, rim_rad) =
+            (shape.theta_edge_rad(rectangle.rows.start), shape.theta_edge_rad(rectangle.rows.end));
+        let widest_rad = FRAC_PI_2.clamp(top_rad, rim_rad);
+        let width_rad = TAU * rectangle.columns.len() as f64 / shape.columns as f64 * widest_rad.sin();
+        let axes = if rim_rad - top_rad > width_rad {
+            [Axis::Rows, Axis::Columns]
+        } else {
+            [Axis::Columns, Axis::Rows]
+        };
         axes.into_iter().find(|&axis| rectangle.length(axis) > 1)
     }
 

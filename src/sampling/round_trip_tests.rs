@@ -1,4 +1,4 @@
-//! Both two-dimensional distributions on real and degenerate maps: round trips, density, integral.
+//! The two-dimensional distributions on real and degenerate maps: round trips, density, integral.
 
 use super::{Bicontinuous, Standard, sample_points};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
@@ -8,45 +8,48 @@ use std::f64::consts::TAU;
 enum Either {
     Standard(Standard),
     Bicontinuous(Bicontinuous),
+    Normalised(Bicontinuous),
 }
 
 impl Either {
-    fn both(shape: PolarShape, values: &[f32]) -> [Self; 2] {
+    fn all(shape: PolarShape, values: &[f32]) -> [Self; 3] {
         let z = |row: f64| 2.0 * (0.5 * shape.theta_max_rad * row / shape.rows as f64).sin().powi(2);
         let edges: Vec<f64> = (0..=shape.rows).map(|row| z(row as f64)).collect();
         let centres: Vec<f64> = (0..shape.rows).map(|row| z(row as f64 + 0.5)).collect();
         let mut standard = Standard::new(shape.columns, &edges);
         let mut bicontinuous = Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64));
+        let mut normalised = bicontinuous.clone().with_normalised_rows();
         standard.update(values);
         bicontinuous.update(values);
-        [Self::Standard(standard), Self::Bicontinuous(bicontinuous)]
+        normalised.update(values);
+        [Self::Standard(standard), Self::Bicontinuous(bicontinuous), Self::Normalised(normalised)]
     }
 
     fn sample(&self, u: [f64; 2]) -> [f64; 2] {
         match self {
             Self::Standard(d) => d.sample(u),
-            Self::Bicontinuous(d) => d.sample(u),
+            Self::Bicontinuous(d) | Self::Normalised(d) => d.sample(u),
         }
     }
 
     fn pdf(&self, x: [f64; 2]) -> f64 {
         match self {
             Self::Standard(d) => d.pdf(x),
-            Self::Bicontinuous(d) => d.pdf(x),
+            Self::Bicontinuous(d) | Self::Normalised(d) => d.pdf(x),
         }
     }
 
     fn invert(&self, x: [f64; 2]) -> [f64; 2] {
         match self {
             Self::Standard(d) => d.invert(x),
-            Self::Bicontinuous(d) => d.invert(x),
+            Self::Bicontinuous(d) | Self::Normalised(d) => d.invert(x),
         }
     }
 
     fn integral(&self) -> f64 {
         match self {
             Self::Standard(d) => d.integral(),
-            Self::Bicontinuous(d) => d.integral(),
+            Self::Bicontinuous(d) | Self::Normalised(d) => d.integral(),
         }
     }
 
@@ -54,6 +57,7 @@ impl Either {
         match self {
             Self::Standard(_) => "standard",
             Self::Bicontinuous(_) => "bicontinuous",
+            Self::Normalised(_) => "bicontinuous, rows normalised",
         }
     }
 }
@@ -62,7 +66,7 @@ fn luminances(map: &PolarMap) -> Vec<f32> {
     map.pixels.iter().map(|&pixel| crate::image::luminance(pixel)).collect()
 }
 
-/// Edges of z between which both densities are linear: the pole, row edges and row centres, the rim.
+/// Edges of z between which densities are linear, or with normalised rows quadratic: the pole, row edges and row centres, the rim.
 fn knots(shape: PolarShape) -> Vec<f64> {
     (0..=2 * shape.rows)
         .map(|i| 2.0 * (0.25 * shape.theta_max_rad * i as f64 / shape.rows as f64).sin().powi(2))
@@ -74,19 +78,19 @@ fn check(name: &str, map: &PolarMap) {
     let values = luminances(map);
     let knots = knots(shape);
     let z_max = knots[knots.len() - 1];
-    for distribution in Either::both(shape, &values) {
+    for distribution in Either::all(shape, &values) {
         let case = format!("{name}, {}", distribution.name());
 
-        // The midpoint rule is exact for a density that is linear in z between knots and constant per column.
+        // Gauss's rule with two points is exact for what is at most cubic in z between knots and constant per column.
         let mut sum = 0.0;
         for knot in knots.windows(2) {
-            let row: f64 = (0..shape.columns)
-                .map(|c| {
-                    distribution
-                        .pdf([0.5 * (knot[0] + knot[1]), TAU * (c as f64 + 0.5) / shape.columns as f64])
-                })
-                .sum();
-            sum += row * (knot[1] - knot[0]) * TAU / shape.columns as f64;
+            let (middle, half) = (0.5 * (knot[0] + knot[1]), 0.5 * (knot[1] - knot[0]));
+            for z in [middle - half / 3f64.sqrt(), middle + half / 3f64.sqrt()] {
+                let row: f64 = (0..shape.columns)
+                    .map(|c| distribution.pdf([z, TAU * (c as f64 + 0.5) / shape.columns as f64]))
+                    .sum();
+                sum += row * half * TAU / shape.columns as f64;
+            }
         }
         assert!((sum - 1.0).abs() < 1e-6, "{case}: pdf integrates to {sum}");
 
@@ -153,7 +157,7 @@ fn samples_have_the_density_that_pdf_says() {
     let knots = knots(shape);
     // 2^8 3^6 Halton points put the right number into every elementary box, so cells come out within per cents.
     let count = 186_624;
-    for distribution in Either::both(shape, &luminances(&map)) {
+    for distribution in Either::all(shape, &luminances(&map)) {
         let mut hits = vec![0usize; 16 * 24];
         for u in sample_points(count, 0) {
             let [z, phi] = distribution.sample(u);
@@ -176,11 +180,30 @@ fn samples_have_the_density_that_pdf_says() {
 }
 
 #[test]
+fn normalised_rows_move_a_sun_of_one_row_and_unnormalised_ones_do_not() {
+    // A sun of one pixel over a dim map: between its row and the next the unnormalised ring keeps to the sun's azimuth,
+    // the normalised one at half way gives half of its samples to the rest of the ring.
+    let shape = PolarShape::hemisphere(64, 32);
+    let mut values = vec![1.0; shape.len()];
+    values[20 * 64 + 40] = 1e6;
+    let [_, plain, normalised] = Either::all(shape, &values);
+    let z = |row: f64| 2.0 * (0.25 * std::f64::consts::PI * row / 32.0).sin().powi(2);
+    let half_way = 0.5 * (z(20.5) + z(21.5));
+    let in_sun = |distribution: &Either| {
+        let at = |phi: f64| distribution.pdf([half_way, phi]);
+        let ring: f64 = (0..64).map(|c| at(TAU * (f64::from(c) + 0.5) / 64.0)).sum();
+        at(TAU * 40.5 / 64.0) / ring
+    };
+    assert!(in_sun(&plain) > 0.999, "{}", in_sun(&plain));
+    assert!((in_sun(&normalised) - 0.5 * (1.0 + 1.0 / 64.0)).abs() < 1e-3, "{}", in_sun(&normalised));
+}
+
+#[test]
 fn standard_integral_is_the_power_of_the_map() {
     for (name, map) in real_maps(PolarShape::hemisphere(360, 90)) {
         let values = luminances(&map);
         let power = luminance_f64(map.power());
-        let [standard, bicontinuous] = Either::both(map.shape, &values);
+        let [standard, bicontinuous, _] = Either::all(map.shape, &values);
         assert!((standard.integral() / power - 1.0).abs() < 1e-6, "{name}");
         // Interpolation between row centres moves a sun's power a little; the trapezoid's weight of a row is the
         // mean of its neighbours' heights.
@@ -199,7 +222,7 @@ fn integrals_of_8192_x_2048_values_lose_no_small_ones_beside_1e8() {
     let mut values = vec![1.0f32; shape.len()];
     values[row * 8192 + column] = 1e8;
     let expected = TAU + (1e8 - 1.0) * shape.pixel_solid_angle(row);
-    for distribution in Either::both(shape, &values) {
+    for distribution in Either::all(shape, &values) {
         let (name, integral) = (distribution.name(), distribution.integral());
         // Interpolation between row centres moves a sun's power by the heights of the neighbours, here by 1e-7.
         assert!((integral / expected - 1.0).abs() < 1e-6, "{name}: {integral} {expected}");
@@ -218,14 +241,14 @@ fn integrals_of_8192_x_2048_values_lose_no_small_ones_beside_1e8() {
 #[test]
 fn zero_rows_are_uniform_in_azimuth_and_zero_maps_uniform() {
     let shape = PolarShape::hemisphere(8, 4);
-    for distribution in Either::both(shape, &[0.0; 32]) {
+    for distribution in Either::all(shape, &[0.0; 32]) {
         let uniform = 1.0 / TAU;
         assert!((distribution.pdf([0.3, 1.0]) - uniform).abs() < 1e-15);
         assert_eq!(distribution.integral(), 0.0);
     }
     let mut values = [0.0; 32];
     values[8..16].fill(1.0);
-    let [standard, bicontinuous] = Either::both(shape, &values);
+    let [standard, bicontinuous, _] = Either::all(shape, &values);
     for phi in [1.0, 2.0] {
         assert_eq!(standard.pdf([0.9, phi]), 0.0);
         assert!((standard.invert([0.9, phi])[0] - phi / TAU).abs() < 1e-15);
@@ -240,7 +263,7 @@ fn values_that_are_no_radiances_count_as_documented() {
     for (bad, good) in
         [([f32::NAN, 1.0, -5.0], [0.0, 1.0, 0.0]), ([f32::INFINITY, 0.0, 0.0], [f32::MAX, 0.0, 0.0])]
     {
-        for (a, b) in Either::both(shape, &bad).iter().zip(&Either::both(shape, &good)) {
+        for (a, b) in Either::all(shape, &bad).iter().zip(&Either::all(shape, &good)) {
             assert_eq!(a.sample([0.3, 0.6]), b.sample([0.3, 0.6]));
         }
     }

@@ -71,7 +71,9 @@ fn neither_relaxation_nor_growth_raises_the_energy() {
         let mut last = energy(&map, &sites[..1]);
         let start = last;
         while used < count {
-            used = grow(map.shape, &mut sites, used, &lights);
+            let grown = grow(map.shape, &mut sites, used, &lights);
+            assert!(grown > used);
+            used = grown;
             for _ in 0..3 {
                 let now = energy(&map, &sites[..used]);
                 // Sites are rounded to f32.

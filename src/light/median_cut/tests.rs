@@ -123,7 +123,7 @@ fn cuts_go_through_the_brightest_source_where_variance_minimisation_spares_it() 
     assert!(shared < 16, "{shared}");
     // Before a cut isolates the sun, median cut has gone through it already.
     let first = |count| count_sharing(&regions(&pixels, count), is_sun);
-    assert!(first(2) == 2 && first(4) == 4, "{} {}", first(2), first(4));
+    assert!(first(2) == 2 && first(4) > 2, "{} {}", first(2), first(4));
     assert_eq!(count_sharing(&variance_minimisation::regions(&pixels, 4), is_sun), 1);
 }
 

@@ -90,5 +90,6 @@ fn variance_of_all_regions_is_below_that_of_median_cut() {
         };
         let (ours, other) = (sum(regions(&pixels, 64)), sum(crate::light::median_cut::regions(&pixels, 64)));
         println!("{name}: variance {ours:.4}, of median cut {other:.4}");
+        assert!(ours < other, "{name}");
     }
 }
