@@ -2,6 +2,7 @@
 
 pub mod built_in;
 pub mod document;
+mod filtered_truth;
 pub mod folder;
 #[cfg(feature = "render")]
 pub mod frame_time;
@@ -23,4 +24,5 @@ pub mod speed;
 #[cfg(feature = "render")]
 pub mod speed_cases;
 pub mod stills;
+pub mod table;
 pub mod tables;

@@ -1,6 +1,6 @@
 //! The plots of a report.
 
-use super::document::{Row, Table};
+use super::table::{Row, Table};
 use crate::picture::{Panel, Plot, Series};
 
 /// What stands along x.

@@ -1,8 +1,8 @@
 //! Error of pictures for a report: every method of single maps, with the built-in scene.
 
-use super::document::{Measure, Row, Table};
 use super::pictures::{self, Pictures};
 use super::stills::{METHODS, OURS, median_time};
+use super::table::{Measure, Row, Table};
 use super::tables::Origin;
 use crate::error::Result;
 use crate::image::PolarMap;

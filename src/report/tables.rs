@@ -1,8 +1,8 @@
 //! Measures maps and sequences and puts the figures into tables of a report.
 
-use super::document::{Measure, Row, Table};
 use super::sequence::{Figures, Method, Sequence};
 use super::stills;
+use super::table::{Measure, Row, Table};
 use crate::error::Result;
 use crate::image::PolarMap;
 

@@ -1,14 +1,15 @@
 //! Pictures for a report.
 
-use super::Report;
+use super::command::command;
 use super::inputs::Map;
+use super::making::Report;
 use crate::error::Result;
 use crate::gpu::{Backend, Gpu};
 use crate::image::PolarShape;
-use crate::report::document::Table;
 use crate::report::frame_time::{heading, is_in_software};
 use crate::report::picture_tables::{of_map, options};
 use crate::report::pictures::Pictures;
+use crate::report::table::Table;
 use crate::report::tables::Origin;
 use crate::scene::Scene;
 
@@ -62,7 +63,7 @@ pub(super) fn measure(report: &mut Report, maps: &[Map]) -> Result<bool> {
     }
     if maps.len() > 1 {
         let name = format!("geometric means over pictures under {} maps", maps.len());
-        let command = with_pictures(&super::command(report.arguments, maps.iter().filter_map(Map::words)));
+        let command = with_pictures(&command(report.arguments, maps.iter().filter_map(Map::words)));
         report.document.picture_means = Table::mean(name, command, &report.document.pictures);
         let lines = report.document.picture_means.as_ref().map(Table::lines).unwrap_or_default();
         report.show(&lines)?;
