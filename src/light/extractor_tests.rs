@@ -121,7 +121,7 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
             let direction = glam::DVec3::from_array(brightest.direction.map(f64::from));
             let off = crate::math::angle_between(direction, shape.pixel_direction(row, column));
             assert!(
-                off < 1e-3 && f64::from(brightest.irradiance[1]) > sun,
+                off < 1e-3 && f64::from(brightest.irradiance[1]) > (1.0 - 1e-6) * sun,
                 "{sampler:?}: {off} {brightest:?}"
             );
         }
@@ -136,10 +136,16 @@ fn all_black_map_gives_uniform_directions_without_power() {
             let list = extract(&map, 144, sampler, inversion);
             assert!(list.lights.iter().all(|l| l.irradiance == [0.0; 3] && l.spread_rad == 0.0));
             assert_eq!((list.error, list.power), (0.0, [0.0; 3]));
-            // Uniform over the hemisphere: cos theta has mean 1/2, the horizontal components cancel.
-            let mean =
-                [0, 1, 2].map(|axis| list.lights.iter().map(|l| l.direction[axis]).sum::<f32>() / 144.0);
-            assert!((mean[1] - 0.5).abs() < 0.01 && mean[0].abs() < 0.02 && mean[2].abs() < 0.02, "{mean:?}");
+            // Uniform over the hemisphere: cos theta has mean 1/2, the horizontal components cancel. Rectangles and
+            // strata are even too, but not all of one size where 144 are wanted.
+            let is_by_inversion =
+                !matches!(sampler, Sampler::MedianCut | Sampler::VarianceMinimisation | Sampler::Structured);
+            let tolerance = if is_by_inversion { [0.02, 0.01, 0.02] } else { [0.1; 3] };
+            for axis in 0..3 {
+                let mean = list.lights.iter().map(|l| l.direction[axis]).sum::<f32>() / 144.0;
+                let expected = if axis == 1 { 0.5 } else { 0.0 };
+                assert!((mean - expected).abs() < tolerance[axis], "{sampler:?} {axis}: {mean}");
+            }
         }
     }
 }

@@ -8,7 +8,7 @@
 //!
 //! Chosen here: as soon as there are 16 nodes an eighth of them is added at once, beside those of the brightest cells,
 //! where the paper adds one, so that the time grows with the number of lights by little more than a pass over the map
-//! does; four steps of relaxation after every growth and eight at the end; a new node stands half of its cell's spread
+//! does; eight steps of relaxation after every growth and eight more at the end; a new node stands half of its cell's spread
 //! away from the old one, the directions turned by the golden angle. A cell of a single lit pixel is not split, and
 //! nodes whose cells are dark are put beside bright ones.
 
@@ -21,7 +21,7 @@ use std::f64::consts::PI;
 
 /// Nodes for one that is added at once.
 const NODES_PER_NEW_ONE: usize = 8;
-const STEPS_PER_GROWTH: usize = 4;
+const STEPS_PER_GROWTH: usize = 8;
 const STEPS_AT_THE_END: usize = 8;
 
 /// Where pixels belong, and what their cells hold.

@@ -23,7 +23,9 @@ pub(super) fn median_cut(map: &PolarMap, count: usize, lights: &mut Vec<Light>) 
 }
 
 pub(super) fn regions(pixels: &Pixels<'_>, count: usize) -> Vec<Rectangle> {
-    let energy = |rectangle: &Rectangle| luminance_f64(pixels.share(rectangle, Content::Light).flux);
+    let is_dark = pixels.share(&pixels.whole(), Content::Light).flux == [0.0; 3];
+    let content = if is_dark { Content::Even } else { Content::Light };
+    let energy = |rectangle: &Rectangle| luminance_f64(pixels.share(rectangle, content).flux);
     divide(pixels.whole(), count, |rectangle| halves(pixels, rectangle), energy)
 }
 

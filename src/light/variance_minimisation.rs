@@ -24,7 +24,9 @@ pub(super) fn variance_minimisation(map: &PolarMap, count: usize, lights: &mut V
 }
 
 pub(super) fn regions(pixels: &Pixels<'_>, count: usize) -> Vec<Rectangle> {
-    let rank = |rectangle: &Rectangle| variance(&pixels.share(rectangle, Content::Light));
+    let is_dark = pixels.share(&pixels.whole(), Content::Light).flux == [0.0; 3];
+    let content = if is_dark { Content::Even } else { Content::Light };
+    let rank = |rectangle: &Rectangle| variance(&pixels.share(rectangle, content));
     divide(pixels.whole(), count, |rectangle| halves(pixels, rectangle), rank)
 }
 

@@ -155,8 +155,8 @@ fn samples_have_the_density_that_pdf_says() {
         [(1 + row) as f32 * if column > 15 { 5.0 } else { 1.0 } + if column == 3 { 20.0 } else { 0.0 }; 3]
     });
     let knots = knots(shape);
-    // 2^8 3^6 Halton points put the right number into every elementary box, so cells come out within per cents.
-    let count = 186_624;
+    // 2^10 3^6 Halton points put the right number into every elementary box, so cells come out within per cents.
+    let count = 746_496;
     for distribution in Either::all(shape, &luminances(&map)) {
         let mut hits = vec![0usize; 16 * 24];
         for u in sample_points(count, 0) {

@@ -1,0 +1,173 @@
+//! The hard cases of METHODS section 10, each as rows of figures: what comes in, what the paper's method written down in
+//! f32 makes of it ([`super::plain_paper`]), what ours makes of it, what is true in f64, and how far ours may be off.
+
+mod frames;
+mod maps;
+mod time;
+
+use crate::error::Result;
+use serde::Serialize;
+
+/// By how much ours may differ from the reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Bound {
+    /// Relative to the reference.
+    Relative(f64),
+    /// In the quantity's own unit.
+    Absolute(f64),
+}
+
+/// The figures of a case. In JSON, what is not a finite number is null.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Figures {
+    /// Of the paper's method in f32; `None` where the paper has nothing to compare.
+    pub plain_f32: Option<f64>,
+    /// Of this program.
+    pub ours: f64,
+    /// In f64, by another way than ours.
+    pub reference: f64,
+    /// How far ours may be from the reference.
+    pub bound: Bound,
+}
+
+/// One figure of one hard case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// The case, as METHODS names it.
+    pub case: &'static str,
+    /// What comes in.
+    pub input: &'static str,
+    /// What is compared, with its unit.
+    pub quantity: &'static str,
+    /// The figures; `None` for what no figure can say.
+    pub figures: Option<Figures>,
+    /// The test that shows the rest.
+    pub tested_in: Option<&'static str>,
+}
+
+impl Figures {
+    /// The difference of a value from the reference, as the bound counts it. NaN for NaN.
+    pub fn error(&self, value: f64) -> f64 {
+        match self.bound {
+            Bound::Relative(_) => (value / self.reference - 1.0).abs(),
+            Bound::Absolute(_) => (value - self.reference).abs(),
+        }
+    }
+
+    /// Whether ours is within its bound.
+    pub fn is_within(&self) -> bool {
+        let (Bound::Relative(most) | Bound::Absolute(most)) = self.bound;
+        self.error(self.ours) <= most
+    }
+}
+
+/// A row of figures.
+fn row(
+    [case, input, quantity]: [&'static str; 3],
+    plain_f32: impl Into<Option<f64>>,
+    ours: f64,
+    reference: f64,
+    bound: Bound,
+) -> Row {
+    let figures = Figures { plain_f32: plain_f32.into(), ours, reference, bound };
+    Row { case, input, quantity, figures: Some(figures), tested_in: None }
+}
+
+/// Runs every case; a few seconds.
+///
+/// # Errors
+/// Those of the parts that are measured.
+pub fn measure() -> Result<Vec<Row>> {
+    let mut rows = maps::rows()?;
+    rows.extend(time::rows()?);
+    rows.extend(frames::rows()?);
+    let elsewhere = |case, input, quantity, tested_in| Row {
+        case,
+        input,
+        quantity,
+        figures: None,
+        tested_in: Some(tested_in),
+    };
+    rows.push(elsewhere(
+        "a corrupt or truncated file in the middle of a sequence",
+        "files cut short, or with bytes changed",
+        "named, counted as lost, and the run goes on",
+        "tests/run_replay/bad_frames.rs, tests/corrupt_files.rs",
+    ));
+    rows.push(elsewhere(
+        "a camera unplugged and back",
+        "the kernel's drivers for cameras, unbound and bound again",
+        "started again under its stable name",
+        "tests/camera_guest/faults.rs",
+    ));
+    Ok(rows)
+}
+
+/// Lines for rows, header first.
+pub fn lines(rows: &[Row]) -> Vec<String> {
+    let number = |value: f64| if value.is_nan() { "NaN".to_owned() } else { format!("{value:.7}") };
+    let mut lines = vec![format!(
+        "{:<30} {:<54} {:<38} {:>15} {:>15} {:>15} {:>8} {:>8} {:>8}",
+        "hard case", "input", "quantity", "plain f32", "ours", "f64", "plain", "ours", "bound"
+    )];
+    lines.extend(rows.iter().map(|row| {
+        let Row { case, input, quantity, figures, tested_in } = row;
+        let Some(figures) = figures else {
+            let tested_in = tested_in.unwrap_or_default();
+            return format!("{case:<30} {input:<54} {quantity:<38} {tested_in}");
+        };
+        let plain = figures.plain_f32;
+        let (Bound::Relative(bound) | Bound::Absolute(bound)) = figures.bound;
+        format!(
+            "{case:<30} {input:<54} {quantity:<38} {:>15} {:>15} {:>15} {:>8} {:>8.0e} {bound:>8.0e}  {}",
+            plain.map_or("-".to_owned(), number),
+            number(figures.ours),
+            number(figures.reference),
+            plain.map_or("-".to_owned(), |plain| format!("{:.0e}", figures.error(plain))),
+            figures.error(figures.ours),
+            if figures.is_within() { "ok" } else { "beyond the bound" }
+        )
+    }));
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_hard_case_is_within_its_bound() {
+        let start = std::time::Instant::now();
+        let rows = measure().unwrap();
+        lines(&rows).iter().for_each(|line| println!("{line}"));
+        println!("{:.1} s", start.elapsed().as_secs_f64());
+        for row in &rows {
+            assert!(row.figures.is_none_or(|figures| figures.is_within()), "{row:?}");
+            assert!(row.figures.is_some() || row.tested_in.is_some(), "{row:?}");
+        }
+        // The files that rows name are there.
+        for name in rows.iter().filter_map(|row| row.tested_in).flat_map(|names| names.split(", ")) {
+            assert!(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(name).exists(), "{name}");
+        }
+        // What the comparison is for: f32 throughout is off, or gives no number at all, in many of them.
+        let figures: Vec<Figures> = rows.iter().filter_map(|row| row.figures).collect();
+        let fails = |figures: &&Figures| {
+            figures.plain_f32.is_some_and(|plain| !Figures { ours: plain, ..**figures }.is_within())
+        };
+        let failing = figures.iter().filter(fails).count();
+        println!("beyond the bounds in plain f32: {failing} of {}", figures.len());
+        assert!(2 * failing > figures.len());
+    }
+
+    #[test]
+    fn what_is_no_number_is_beyond_every_bound_and_null_in_json() {
+        let names = ["case", "input", "quantity"];
+        let row = row(names, f64::NAN, f64::NAN, 1.0, Bound::Relative(0.1));
+        assert!(!row.figures.unwrap().is_within());
+        let json = serde_json::to_string(&row).unwrap();
+        assert!(json.contains("\"plain_f32\":null,\"ours\":null,\"reference\":1.0"), "{json}");
+        assert!(json.contains("\"bound\":{\"relative\":0.1}"), "{json}");
+        assert!(lines(&[row])[1].ends_with("beyond the bound"));
+    }
+}

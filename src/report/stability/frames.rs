@@ -1,0 +1,135 @@
+//! Hard frames and lenses: from the camera's pixels to the map.
+
+use super::super::plain_paper;
+use super::maps::reference;
+use super::{Bound, Row, row};
+use crate::camera::{FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response};
+use crate::error::Result;
+use crate::image::{Frame, LatLongCentres, Pixels, PolarMap, PolarShape, luminance_f64};
+use glam::{DMat3, DVec2};
+
+fn frame(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Frame {
+    let values = (0..width * height).map(|index| value(index % width, index / width)).collect();
+    Frame { width, height, pixels: Pixels::Radiance(values), ..Frame::default() }
+}
+
+/// Samples that are no radiance in a panorama of 64 x 32: the light of the others is kept.
+fn samples([case, input]: [&'static str; 2], value: impl Fn(usize, usize) -> f32) -> Result<Row> {
+    let (width, height) = (64, 32);
+    let projection = Projection::LatLong { width, height, centres: LatLongCentres::Half };
+    let shape = PolarShape::sphere(32, 16);
+    let mut map = PolarMap::black(shape);
+    FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?.apply(
+        &frame(width, height, &value),
+        &Response::default(),
+        &mut map,
+    )?;
+    let fine = |value: &dyn Fn(usize, usize) -> f32| {
+        PolarMap::from_fn(PolarShape::sphere(width, height), |row, column| [value(column, row); 3])
+    };
+    let lawful = |x: usize, y: usize| Some(value(x, y)).filter(|v| v.is_finite() && *v >= 0.0).unwrap_or(0.0);
+    Ok(row(
+        [case, input, "luminous power of the map"],
+        f64::from(plain_paper::power(&fine(&value))),
+        luminance_f64(map.power()),
+        reference(&fine(&lawful)).0,
+        Bound::Relative(1e-5),
+    ))
+}
+
+fn parameters(field_of_view_deg: f64, k: [f64; 4]) -> LensParameters {
+    let side = 256.0;
+    LensParameters {
+        width: 256,
+        height: 256,
+        fx: 0.24 * side,
+        fy: 0.24 * side,
+        cx: 0.5 * side,
+        cy: 0.5 * side,
+        k,
+        field_of_view_rad: field_of_view_deg.to_radians(),
+    }
+}
+
+/// Solid angle of a pixel: `sin(theta) / r` over its area, for a lens with r = theta, by the midpoint rule.
+fn pixel_solid_angle(lens: &LensParameters, [x, y]: [usize; 2]) -> f64 {
+    const STEPS: usize = 400;
+    let mut sum = 0.0;
+    for i in 0..STEPS * STEPS {
+        let at = |pixel: usize, step: usize| pixel as f64 + (step as f64 + 0.5) / STEPS as f64;
+        let offset = DVec2::new(at(x, i % STEPS) - lens.cx, at(y, i / STEPS) - lens.cy) / lens.fx;
+        sum += offset.length().sin() / offset.length();
+    }
+    sum / (lens.fx * lens.fy * (STEPS * STEPS) as f64)
+}
+
+/// A small sun 100 degrees from the axis of a lens that sees 110.
+fn wide_lens() -> Result<Row> {
+    let parameters = parameters(220.0, [0.0; 4]);
+    let lens = Lens::new(parameters)?;
+    let shape = PolarShape { columns: 360, rows: 110, theta_max_rad: 110f64.to_radians() };
+    let sun = [(parameters.cx + 100f64.to_radians() * parameters.fx) as usize, 140];
+    let picture = frame(256, 256, |x, y| if [x, y] == sun { 1e6 } else { 0.0 });
+    let mut map = PolarMap::black(shape);
+    FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape)?.apply(
+        &picture,
+        &Response::default(),
+        &mut map,
+    )?;
+    // As one writes it down at first: every pixel of the map is looked up where the lens sees its centre.
+    let camera_from_world = LOOKING_UP.transpose();
+    let looked_up = PolarMap::from_fn(shape, |row, column| {
+        let at = lens.project(camera_from_world * shape.pixel_direction(row, column));
+        let is_sun = at.is_some_and(|at| [at.x as usize, at.y as usize] == sun);
+        [if is_sun { 1e6 } else { 0.0 }; 3]
+    });
+    Ok(row(
+        ["220 degree lens", "a sun of one pixel, 100 degrees from the axis", "luminous power of the map"],
+        f64::from(plain_paper::power(&looked_up)),
+        luminance_f64(map.power()),
+        1e6 * pixel_solid_angle(&parameters, sun),
+        Bound::Relative(1e-3),
+    ))
+}
+
+/// A lens whose radius shrinks again inside its field of view: how much of the field is folded over the rest.
+fn folded_lens() -> Row {
+    let parameters = parameters(180.0, [-0.3, 0.0, 0.0, 0.0]);
+    // In steps of a degree, in f32: r(theta) = theta + k1 theta^3.
+    let radius = |degrees: u8| {
+        let theta = f32::from(degrees).to_radians();
+        theta + parameters.k[0] as f32 * theta.powi(3)
+    };
+    let folded = (0u8..90).filter(|&degrees| radius(degrees + 1) <= radius(degrees)).count() as f64;
+    let accepted = if Lens::new(parameters).is_ok() { folded } else { 0.0 };
+    row(
+        [
+            "lens coefficients that turn",
+            "k1 = -0.3, a field of view of 180 degrees",
+            "degrees that fold back, in accepted lenses",
+        ],
+        folded,
+        accepted,
+        0.0,
+        Bound::Absolute(0.0),
+    )
+}
+
+pub(super) fn rows() -> Result<Vec<Row>> {
+    let among_ones =
+        |spot: [usize; 2], bad: f32| move |x: usize, y: usize| if [x, y] == spot { bad } else { 1.0 };
+    Ok(vec![
+        samples(["NaN in a file", "one sample among 64 x 32 of 1"], among_ones([20, 10], f32::NAN))?,
+        samples(
+            ["infinity in a file", "one sample among 64 x 32 of 1"],
+            among_ones([20, 10], f32::INFINITY),
+        )?,
+        samples(["negative values in a file", "one sample of -1e6"], among_ones([20, 10], -1e6))?,
+        samples(
+            ["half-float overflow", "one sample of 1e5, written as half: infinity"],
+            among_ones([40, 20], f32::INFINITY),
+        )?,
+        folded_lens(),
+        wide_lens()?,
+    ])
+}
