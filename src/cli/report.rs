@@ -8,7 +8,7 @@ mod sequences;
 use super::signals::SignalWatch;
 use crate::error::{Error, Result};
 use crate::light::MAX_LIGHTS;
-use crate::report::tables;
+use crate::report::{stability, tables};
 use crate::rt::Shutdown;
 use inputs::Inputs;
 use making::Report;
@@ -20,7 +20,8 @@ use std::path::PathBuf;
 /// For every MAP and every way to make lights of it, with 4, 8, ... 1024 lights: error of irradiance, shadows and glossy
 /// surfaces against the time that the lights take. For every SEQUENCE: error against the filtered truth, flicker and
 /// motion of the lights against the time of a frame. Where there is a GPU, pictures under every MAP too. What is on the
-/// Pareto front is marked. Without a MAP or SEQUENCE three maps and two sequences are made up.
+/// Pareto front is marked. Without a MAP or SEQUENCE three maps and two sequences are made up. The hard cases follow: what
+/// plain f32 makes of them, and how far this program is from f64.
 ///
 /// A MAP is a lat-long panorama, OpenEXR or Radiance HDR. A SEQUENCE is a folder or pattern (name.####.exr) of numbered
 /// panoramas, or a configuration as `run --config` takes.
@@ -48,7 +49,11 @@ pub(super) struct Arguments {
     #[arg(long, conflicts_with = "output")]
     tables: bool,
 
-    /// Numbers of lights.
+    /// Print the hard cases, in plain f32, here and in f64, and nothing else.
+    #[arg(long, conflicts_with_all = ["inputs", "output", "tables", "garden"])]
+    stability: bool,
+
+    /// Numbers of lights, with commas between them.
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = lights,
           default_values_t = tables::COUNTS)]
     lights: Vec<usize>,
@@ -83,6 +88,10 @@ fn lights(text: &str) -> Result<usize, String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
+    if arguments.stability {
+        print(&stability::lines(&stability::measure()?))?;
+        return Ok(());
+    }
     let shutdown = Shutdown::new();
     let _signals = SignalWatch::start(&shutdown)?;
     let inputs = Inputs::of(arguments);

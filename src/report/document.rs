@@ -12,6 +12,7 @@
 //! | `sequences` | tables of sequences |
 //! | `pictures`, `picture_means` | tables of rendered pictures; the geometric means over them (null for none) |
 //! | `pictures_skipped` | why there are no pictures (null where there are) |
+//! | `stability` | the hard cases, as rows: `case`, `input`, `quantity`, `figures` (`plain_f32`, `ours`, `reference`, `bound`), `tested_in` |
 //! | `texts` | tables as text, beside published figures: `title`, `command`, `lines` |
 //!
 //! A table has `name`, `command` (which prints its figures), `notes`, `measures` (`key`, `name`, `ranked`) and `rows`. A
@@ -20,6 +21,7 @@
 //! has at most its time and at most its value, and less of one.
 
 use super::machine::{Machine, now_utc};
+use super::stability;
 use super::table::Table;
 use serde_json::{Value, json};
 
@@ -59,6 +61,8 @@ pub struct Document {
     pub picture_means: Option<Table>,
     /// Why there are no pictures.
     pub pictures_skipped: Option<String>,
+    /// The hard cases.
+    pub stability: Vec<stability::Row>,
     /// Tables beside published figures.
     pub texts: Vec<Text>,
 }
@@ -78,6 +82,7 @@ impl Document {
             pictures: Vec::new(),
             picture_means: None,
             pictures_skipped: None,
+            stability: Vec::new(),
             texts: Vec::new(),
         }
     }
@@ -116,6 +121,7 @@ impl Document {
             "pictures": tables(&self.pictures),
             "picture_means": self.picture_means.as_ref().map(Table::to_json),
             "pictures_skipped": self.pictures_skipped,
+            "stability": self.stability,
             "texts": texts,
         });
         format!("{document:#}\n")

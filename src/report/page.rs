@@ -1,5 +1,6 @@
 //! A report as one HTML page that needs nothing else: no script, no other file, no network. It is well-formed XML too.
 
+mod stability;
 #[cfg(test)]
 mod tests;
 
@@ -50,6 +51,10 @@ pub fn page(document: &Document) -> String {
     for text in &document.texts {
         section(&mut html, &text.title);
         self::text(&mut html, text);
+    }
+    if !document.stability.is_empty() {
+        section(&mut html, "Numerical stability");
+        stability::stability(&mut html, &document.stability);
     }
     section(&mut html, "What is measured");
     html.push_str(METHODS);

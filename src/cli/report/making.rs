@@ -12,7 +12,7 @@ use crate::report::document::{Document, Text};
 use crate::report::sequence::{self, Sequence};
 use crate::report::table::Table;
 use crate::report::tables::{self, Origin};
-use crate::report::{folder, sequence_table, stills};
+use crate::report::{folder, sequence_table, stability, stills};
 use crate::rt::Shutdown;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ impl<'a> Report<'a> {
                 return Ok(false);
             }
         }
-        if !self.published_sequences()? {
+        if !self.published_sequences()? || !self.hard_cases()? {
             return Ok(false);
         }
         #[cfg(feature = "render")]
@@ -135,6 +135,16 @@ impl<'a> Report<'a> {
         let command = self.of_garden_and_hall(String::new()).command;
         self.document.texts.push(Text { title, command, lines });
         self.save()?;
+        Ok(self.goes_on())
+    }
+
+    /// On the page only: they do not depend on the inputs and have an option of their own.
+    fn hard_cases(&mut self) -> Result<bool> {
+        if !self.arguments.tables {
+            self.bar.set_message("hard cases");
+            self.document.stability = stability::measure()?;
+            self.save()?;
+        }
         Ok(self.goes_on())
     }
 

@@ -81,6 +81,28 @@ fn what_is_missing_is_told() {
 }
 
 #[test]
+fn hard_cases_are_rows() {
+    use crate::report::stability::{Bound, Figures, Row};
+    let figures =
+        |ours| Figures { plain_f32: Some(f64::NAN), ours, reference: 1.0, bound: Bound::Absolute(0.1) };
+    let row =
+        |figures| Row { case: "a < b", input: "in", quantity: "out", figures, tested_in: Some("tests/a.rs") };
+    let mut document = document();
+    document.stability = vec![row(Some(figures(1.05))), row(Some(figures(2.0))), row(None)];
+    let html = page(&document);
+    let text = all_text(&html);
+    for expected in
+        ["a < b", "lightcast report --stability", "NaN", "1.0500000", "1e-1 absolute", "within", "beyond"]
+    {
+        assert!(text.contains(expected), "{expected}");
+    }
+    assert!(text.contains("tested in tests/a.rs"));
+    let xml = parsed(&html);
+    let table = xml.descendants().find(|node| node.attribute("class") == Some("cases")).unwrap();
+    assert_eq!(table.descendants().filter(|node| node.has_tag_name("tr")).count(), 4);
+}
+
+#[test]
 fn plots_lie_beside_the_page_under_names_of_their_own() {
     let names: Vec<String> = plots(&full()).into_iter().map(|(name, _)| name).collect();
     assert_eq!(
