@@ -122,6 +122,15 @@ fn ctrl_c_keeps_what_is_done() {
 }
 
 #[test]
+fn the_hard_cases_are_printed_alone() {
+    let run = lightcast().args(["report", "--stability"]).output().unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+    let printed = String::from_utf8(run.stdout).unwrap();
+    assert!(printed.starts_with("hard case"), "{printed}");
+    assert!(printed.lines().count() > 20 && !printed.contains("beyond the bound"), "{printed}");
+}
+
+#[test]
 fn wrong_usage_of_the_report_is_told_before_anything_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     let map = panoramas(folder.path(), &["sky.exr"]).remove(0);
@@ -133,6 +142,7 @@ fn wrong_usage_of_the_report_is_told_before_anything_is_measured() {
         (&["--tables", map, "--lights", "4,x"], 2, "give 1 to 16384"),
         (&["--tables", map, "--output", "report"], 2, "--output"),
         (&["--tables", map, "--garden", map], 2, "--hall"),
+        (&["--stability", map], 2, "--stability"),
         (&[map, "--output", &below], 1, "the folder for the report cannot be made"),
         (&["--tables", "--lights", "4", "nowhere/sky.####.exr"], 2, "sky.####.exr"),
     ] {
