@@ -18,19 +18,22 @@ const SAMPLERS: [Sampler; 7] = [
     Sampler::Structured,
     Sampler::KolligKeller,
 ];
-const INVERSIONS: [Inversion; 3] = [Inversion::Bicontinuous, Inversion::NormalisedRows, Inversion::Standard];
+const INVERSIONS: [Inversion; 3] = [Inversion::Bicontinuous, Inversion::Standard, Inversion::NormalisedRows];
 
-/// The inversions that make a difference to a sampler.
+/// The inversions that make a difference to a sampler, but for one that makes little to refined lights.
 fn inversions(sampler: Sampler) -> &'static [Inversion] {
     match sampler {
-        Sampler::EqualPower | Sampler::Refined | Sampler::Persistent => &INVERSIONS,
+        Sampler::EqualPower => &INVERSIONS,
+        Sampler::Refined | Sampler::Persistent => &INVERSIONS[..2],
         _ => &INVERSIONS[..1],
     }
 }
 
 fn extract(map: &PolarMap, count: usize, sampler: Sampler, inversion: Inversion) -> LightList {
     let mut list = LightList::default();
-    let options = Options { count, sampler, inversion, ..Options::default() };
+    // Where points are not sampled, or only begun with, they need no relaxation.
+    let relaxation_steps = if inversions(sampler).len() > 1 { 4 } else { 0 };
+    let options = Options { count, sampler, inversion, relaxation_steps, ..Options::default() };
     Extractor::new(map.shape, &options).unwrap().step(map, &mut list);
     ListError::new().measure(&mut list);
     list
@@ -106,12 +109,14 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
     let sun = 1e8 * shape.pixel_solid_angle(row);
     let mut list = LightList::default();
     for sampler in SAMPLERS {
-        let mut extractor = Extractor::new(shape, &Options { sampler, ..Options::default() }).unwrap();
+        // Hundreds of passes over 16 million pixels for 64 lights show no more than a few dozen for 4.
+        let count = if sampler == Sampler::KolligKeller { 4 } else { 64 };
+        let mut extractor = Extractor::new(shape, &Options { count, sampler, ..Options::default() }).unwrap();
         // The second frame of persistent lights starts from the first's.
         for _ in 0..if sampler == Sampler::Persistent { 2 } else { 1 } {
             extractor.step(&map, &mut list);
             ListError::new().measure(&mut list);
-            check_list(&format!("{sampler:?}"), &list, 64);
+            check_list(&format!("{sampler:?}"), &list, count);
             let expected = std::f64::consts::TAU + sun - shape.pixel_solid_angle(row);
             assert!((list.power[1] / expected - 1.0).abs() < 1e-6, "{sampler:?}: {:?}", list.power);
         }

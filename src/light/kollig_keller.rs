@@ -8,9 +8,9 @@
 //!
 //! Chosen here: as soon as there are 16 nodes an eighth of them is added at once, beside those of the brightest cells,
 //! where the paper adds one, so that the time grows with the number of lights by little more than a pass over the map
-//! does; eight steps of relaxation after every growth and eight more at the end; a new node stands half of its cell's spread
-//! away from the old one, the directions turned by the golden angle. A cell of a single lit pixel is not split, and
-//! nodes whose cells are dark are put beside bright ones.
+//! does; eight steps of relaxation after every growth and eight more at the end; a new node stands half of its cell's
+//! spread away from the old one, the directions turned by the golden angle. A cell of a single lit pixel is not split,
+//! and nodes whose cells are dark are put beside bright ones.
 
 use super::Light;
 use super::nearest::NearestSites;

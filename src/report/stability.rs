@@ -1,5 +1,5 @@
 //! The hard cases of METHODS section 10, each as rows of figures: what comes in, what the paper's method written down in
-//! f32 makes of it ([`super::plain_paper`]), what ours makes of it, what is true in f64, and how far ours may be off.
+//! f32 makes of it (the module `plain_paper`), what ours makes of it, what is true in f64, and how far ours may be off.
 
 mod frames;
 mod maps;
@@ -90,14 +90,14 @@ pub fn measure() -> Result<Vec<Row>> {
         tested_in: Some(tested_in),
     };
     rows.push(elsewhere(
-        "a corrupt or truncated file in the middle of a sequence",
-        "files cut short, or with bytes changed",
-        "named, counted as lost, and the run goes on",
+        "corrupt or truncated file",
+        "in the middle of a sequence",
+        "named, counted as lost, the run goes on",
         "tests/run_replay/bad_frames.rs, tests/corrupt_files.rs",
     ));
     rows.push(elsewhere(
-        "a camera unplugged and back",
-        "the kernel's drivers for cameras, unbound and bound again",
+        "camera unplugged and back",
+        "a kernel's camera driver, unbound and bound",
         "started again under its stable name",
         "tests/camera_guest/faults.rs",
     ));
@@ -106,21 +106,22 @@ pub fn measure() -> Result<Vec<Row>> {
 
 /// Lines for rows, header first.
 pub fn lines(rows: &[Row]) -> Vec<String> {
-    let number = |value: f64| if value.is_nan() { "NaN".to_owned() } else { format!("{value:.7}") };
+    let widest = |of: fn(&Row) -> &str| rows.iter().map(|row| of(row).len()).max().unwrap_or(0);
+    let [a, b, c] = [widest(|row| row.case), widest(|row| row.input), widest(|row| row.quantity)];
+    let number = |value: f64| if value.is_nan() { "NaN".to_owned() } else { format!("{value:.6}") };
     let mut lines = vec![format!(
-        "{:<30} {:<54} {:<38} {:>15} {:>15} {:>15} {:>8} {:>8} {:>8}",
-        "hard case", "input", "quantity", "plain f32", "ours", "f64", "plain", "ours", "bound"
+        "{:a$}  {:b$}  {:c$}  {:>13} {:>13} {:>13}  {:>6} {:>6} {:>6}",
+        "hard case", "input", "quantity", "plain f32", "ours", "f64", "error", "error", "bound"
     )];
     lines.extend(rows.iter().map(|row| {
         let Row { case, input, quantity, figures, tested_in } = row;
         let Some(figures) = figures else {
-            let tested_in = tested_in.unwrap_or_default();
-            return format!("{case:<30} {input:<54} {quantity:<38} {tested_in}");
+            return format!("{case:a$}  {input:b$}  {quantity:c$}  {}", tested_in.unwrap_or_default());
         };
         let plain = figures.plain_f32;
         let (Bound::Relative(bound) | Bound::Absolute(bound)) = figures.bound;
         format!(
-            "{case:<30} {input:<54} {quantity:<38} {:>15} {:>15} {:>15} {:>8} {:>8.0e} {bound:>8.0e}  {}",
+            "{case:a$}  {input:b$}  {quantity:c$}  {:>13} {:>13} {:>13}  {:>6} {:>6.0e} {bound:>6.0e}  {}",
             plain.map_or("-".to_owned(), number),
             number(figures.ours),
             number(figures.reference),

@@ -16,6 +16,11 @@ fn lights_prints_one_list_of_the_whole_map() {
         (&[][..], 64),
         (&["--count", "17", "--sampler", "equal-power"], 17),
         (&["--inversion", "standard", "--hemisphere"], 64),
+        (&["--inversion", "normalised-rows", "--hemisphere"], 64),
+        (&["--sampler", "median-cut", "--count", "48"], 48),
+        (&["--sampler", "variance-minimisation"], 64),
+        (&["--sampler", "structured"], 64),
+        (&["--sampler", "kollig-keller", "--count", "100"], 100),
         (&["--resolution", "90x45"], 64),
         (&["--resolution", "90x22", "--hemisphere", "--sampler", "refined"], 64),
     ] {

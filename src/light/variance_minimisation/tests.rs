@@ -17,7 +17,7 @@ fn variance_slowly(map: &PolarMap, rectangle: &Rectangle, centroid: DVec3) -> f6
 }
 
 fn centroid(map: &PolarMap, rectangle: &Rectangle) -> DVec3 {
-    Pixels::new(map).share(rectangle, Content::Light).moment.normalize()
+    Pixels::new(map).share(rectangle, Content::Light).moment.normalize_or(DVec3::Y)
 }
 
 fn mottled(shape: PolarShape) -> PolarMap {
