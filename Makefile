@@ -9,18 +9,19 @@
 # make bench     speed of every step, as a table with the published figures beside it
 # make bench-peers  speed and error beside OpenCV, NumPy, SciPy, Mitsuba and OpenEXR (needs Python with venv)
 # make cost      cost against map size and number of lights, as a table and as the plot in replay/pictures
-# make tables    error of the lights on the real maps, as tables
+# make report    error against time on the real maps: a page, plots and JSON in target/report
+# make tables    error of the lights on the real maps, as tables beside the published figures
 # make pictures  error of rendered pictures against the number of lights, as tables and as the plot in replay/pictures
 # make speed     speed of the renderer on whatever adapter there is, as tables
 # make path-tracer  compares the renderer with mitsuba (needs Python with venv)
 #
-# tables, pictures and path-tracer need the maps and meshes (see LIGHTCAST_DATA in README.md), speed takes the maps where
+# report, tables, pictures and path-tracer need the maps and meshes (see LIGHTCAST_DATA in README.md), speed takes the maps where
 # they are. pictures, speed and path-tracer take minutes without a GPU.
 
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test test-camera test-camera-broken fuzz soak soak-clients load bench bench-peers cost tables pictures speed path-tracer system-packages test-packages
+.PHONY: demo test test-camera test-camera-broken fuzz soak soak-clients load bench bench-peers cost report tables pictures speed path-tracer system-packages test-packages
 
 system-packages:
 	@.ci/system-packages
@@ -80,9 +81,14 @@ bench-peers: system-packages
 cost: system-packages
 	cargo bench $(CARGO_FLAGS) --bench steps -- --cost $(CURDIR)/replay/pictures/cost.svg
 
+REPORTED = $(DATA)/env/*_1k.hdr \
+    --garden $(DATA)/env/chinese_garden_1k.hdr --hall $(DATA)/env/dancing_hall_1k.hdr
+
+report: system-packages
+	cargo run $(CARGO_FLAGS) --release -- report --output target/report $(REPORTED)
+
 tables: system-packages
-	cargo run $(CARGO_FLAGS) --release -- report $(DATA)/env/*_1k.hdr \
-	    --garden $(DATA)/env/chinese_garden_1k.hdr --hall $(DATA)/env/dancing_hall_1k.hdr
+	cargo run $(CARGO_FLAGS) --release -- report --tables --lights 64,256 $(REPORTED)
 
 PATH_TRACER = target/path_tracer
 

@@ -83,7 +83,7 @@ pub fn run() -> String {
         let exponents =
             series.iter().map(|series| format!("{} {:.2}", series.name, exponent(&series.points)));
         println!("exponent over {x_label}, {title}: {}", exponents.collect::<Vec<_>>().join(", "));
-        Panel { title, x_label: x_label.into(), y_label: "ms per frame".into(), series }
+        Panel { title, x_label: x_label.into(), y_label: "ms per frame".into(), series, ..Panel::default() }
     });
     Plot { title: format!("Cost of a frame, raw {FRAME} x {FRAME}, one thread"), panels: panels.into() }
         .to_svg()

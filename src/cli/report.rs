@@ -1,62 +1,111 @@
-use super::messages::PROGRESS;
-use super::panorama::read_panorama;
+mod command;
+mod inputs;
+mod making;
+#[cfg(feature = "render")]
+mod pictures;
+mod sequences;
+
+use super::signals::SignalWatch;
 use crate::error::{Error, Result};
-use crate::report::{sequence_table, stills};
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::light::MAX_LIGHTS;
+use crate::report::{stability, tables};
+use crate::rt::Shutdown;
+use inputs::Inputs;
+use making::Report;
 use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
 
-/// Print error against time, as tables.
+/// Measure error against time, as a page, plots and JSON.
 ///
-/// For every MAP, a lat-long panorama, and for 64 and 256 lights: irradiance, shadow and glossy error of the methods of
-/// the field and of refined lights, with the estimate that the list carries, the difference in power and the median
-/// time. Then the geometric means over all maps; for thirteen maps the published figures stand beside them.
+/// For every MAP and every way to make lights of it, with 4, 8, ... 1024 lights: error of irradiance, shadows and glossy
+/// surfaces against the time that the lights take. For every SEQUENCE: error against the filtered truth, flicker and
+/// motion of the lights against the time of a frame. Where there is a GPU, pictures under every MAP too. What is on the
+/// Pareto front is marked. Without a MAP or SEQUENCE three maps and two sequences are made up. The hard cases follow: what
+/// plain f32 makes of them, and how far this program is from f64.
 ///
-/// With --garden and --hall the steadiness over time as well: two sequences made of these two maps, before and after
-/// the filter.
+/// A MAP is a lat-long panorama, OpenEXR or Radiance HDR. A SEQUENCE is a folder or pattern (name.####.exr) of numbered
+/// panoramas, or a configuration as `run --config` takes.
 ///
-/// Example: lightcast report *_1k.hdr --garden chinese_garden_1k.hdr --hall dancing_hall_1k.hdr
+/// The folder gets index.html, which needs nothing else, report.json and the plots as SVG; it is written anew after every
+/// input. Ctrl-C (SIGINT) or SIGTERM ends the report with what is done; a second signal ends it at once. Thirteen maps
+/// and two sequences take some minutes.
+///
+/// Examples:
+///   lightcast report
+///   lightcast report studio.hdr noon.hdr config/replay.toml --output report
+///   lightcast report --tables --lights 64,256 studio.hdr
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Panoramas: OpenEXR or Radiance HDR.
-    #[arg(required_unless_present = "garden")]
-    maps: Vec<PathBuf>,
+    /// Panoramas and sequences.
+    #[arg(value_name = "MAP or SEQUENCE")]
+    inputs: Vec<PathBuf>,
 
-    /// The map that is turned so that its sun walks through phi = 0.
+    /// Folder for the report; made if it is not there. Files of the same names are replaced.
+    #[arg(long, short, value_name = "DIR", default_value = "report")]
+    output: PathBuf,
+
+    /// Print the tables and write no files.
+    #[arg(long, conflicts_with = "output")]
+    tables: bool,
+
+    /// Print the hard cases, in plain f32, here and in f64, and nothing else.
+    #[arg(long, conflicts_with_all = ["inputs", "output", "tables", "garden"])]
+    stability: bool,
+
+    /// Numbers of lights, with commas between them.
+    #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = lights,
+          default_values_t = tables::COUNTS)]
+    lights: Vec<usize>,
+
+    /// Frames of a sequence, from its first on.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
+    frames: u32,
+
+    /// Frames per second of sequences of panoramas; goes before what the files say.
+    #[arg(long, value_name = "HZ")]
+    frame_rate: Option<f64>,
+
+    /// A panorama that is turned so that its sun walks through phi = 0: one more sequence, of 40 frames.
     #[arg(long, value_name = "MAP", requires = "hall")]
     garden: Option<PathBuf>,
 
-    /// The map some of whose lamps flicker.
+    /// A panorama some of whose lamps flicker: one more sequence, of 40 frames.
     #[arg(long, value_name = "MAP", requires = "garden")]
     hall: Option<PathBuf>,
+
+    /// Draw pictures even by a Vulkan driver in software, which takes a minute or more a map.
+    #[cfg(feature = "render")]
+    #[arg(long)]
+    pictures: bool,
 }
 
-/// Prints as it measures, so that what is done is not lost when the rest is interrupted.
+fn lights(text: &str) -> Result<usize, String> {
+    text.parse()
+        .ok()
+        .filter(|count| (1..=MAX_LIGHTS).contains(count))
+        .ok_or_else(|| format!("give 1 to {MAX_LIGHTS}"))
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let style =
-        ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}").expect("a template that is well formed");
-    let progress = PROGRESS.add(ProgressBar::new(arguments.maps.len() as u64)).with_style(style);
-    let mut rows = Vec::new();
-    for path in &arguments.maps {
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        progress.set_message(name.clone());
-        let of_map = stills::measure(&read_panorama(path, stills::SHAPE)?)?;
-        if !PROGRESS.suspend(|| print(&stills::lines(&name, &of_map)))? {
-            return Ok(());
-        }
-        rows.extend(of_map);
-        progress.inc(1);
-    }
-    progress.finish_and_clear();
-    if !rows.is_empty() && !print(&stills::mean_lines(&rows, arguments.maps.len()))? {
+    if arguments.stability {
+        print(&stability::lines(&stability::measure()?))?;
         return Ok(());
     }
-    if let (Some(garden), Some(hall)) = (&arguments.garden, &arguments.hall) {
-        let (garden, hall) = (read_panorama(garden, stills::SHAPE)?, read_panorama(hall, stills::SHAPE)?);
-        print(&sequence_table::lines(&sequence_table::measure(&garden, &hall)?))?;
+    let shutdown = Shutdown::new();
+    let _signals = SignalWatch::start(&shutdown)?;
+    let inputs = Inputs::of(arguments);
+    if !arguments.tables {
+        // Better told now than after minutes of measuring.
+        std::fs::create_dir_all(&arguments.output).map_err(|error| {
+            let error = Error::failed("the folder for the report cannot be made").because(error);
+            error.at(arguments.output.display())
+        })?;
     }
-    Ok(())
+    let mut report = Report::new(arguments, &shutdown, &inputs);
+    let outcome = report.measure(&inputs);
+    // What a later input spoiled is done all the same.
+    report.finish(*outcome.as_ref().unwrap_or(&false)).and(outcome.map(|_| ()))
 }
 
 /// Writes lines to standard output; false when nobody reads it any more.

@@ -51,7 +51,7 @@ impl SignalWatch {
                     signal_hook::low_level::exit(128 + signal);
                 }
                 is_first = false;
-                tracing::info!("stopping after the frames under way; a second signal stops at once");
+                tracing::info!("stopping in good order; a second signal stops at once");
                 shutdown.request();
             }
         };

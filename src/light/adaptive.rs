@@ -108,8 +108,9 @@ impl Adaptive {
         lights: &mut Vec<Light>,
     ) {
         let slots = &self.slots;
-        let is_known =
-            |at: DVec3| slots.iter().any(|slot| slot.role == Role::Peak && is_a_step(slot.direction_f64(), at));
+        let is_known = |at: DVec3| {
+            slots.iter().any(|slot| slot.role == Role::Peak && is_a_step(slot.direction_f64(), at))
+        };
         let (peaks, rest) = self.peaks.find(map, is_known);
         if !self.is_seeded {
             seed(rest, &mut self.sites);

@@ -218,11 +218,8 @@ impl Least {
 
     /// Whether a component of some flux and first moment is a peak. NaN, of radiances near the largest, is none.
     fn allows(&self, flux: f64, moment: f64, is_known: bool) -> bool {
-        let (least_flux, cos_spread) = if is_known {
-            (self.known_flux(), self.cos_known_spread)
-        } else {
-            (self.flux, self.cos_spread)
-        };
+        let (least_flux, cos_spread) =
+            if is_known { (self.known_flux(), self.cos_known_spread) } else { (self.flux, self.cos_spread) };
         flux > 0.0 && flux >= least_flux && moment >= cos_spread * flux
     }
 }
@@ -254,4 +251,3 @@ fn power_and_mean(map: &PolarMap) -> (f64, f64) {
     }
     (power, power / solid_angle)
 }
-

@@ -5,8 +5,8 @@
 //! `|V| / F` is the mean of `cos a`, so that this is the RMS angle up to terms of a^4: 0.2 % below it for an even
 //! disc of radius 0.5 rad. Unlike the RMS itself it needs one pass, and shares can be joined exactly: F and V add.
 
-use super::nearest::NearestSites;
 use super::Light;
+use super::nearest::NearestSites;
 use crate::image::{PolarMap, PolarShape, luminance_f64};
 use glam::DVec3;
 use std::f64::consts::TAU;

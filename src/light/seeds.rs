@@ -20,7 +20,12 @@ enum Distribution {
 
 impl Seeds {
     /// `count` points after so many steps of relaxation, for maps of one shape.
-    pub(super) fn new(shape: PolarShape, count: usize, relaxation_steps: usize, inversion: Inversion) -> Self {
+    pub(super) fn new(
+        shape: PolarShape,
+        count: usize,
+        relaxation_steps: usize,
+        inversion: Inversion,
+    ) -> Self {
         let z = |row: f64| 2.0 * (0.5 * shape.theta_max_rad * row / shape.rows as f64).sin().powi(2);
         let centres = || -> Vec<f64> { (0..shape.rows).map(|row| z(row as f64 + 0.5)).collect() };
         let bicontinuous = || Bicontinuous::new(shape.columns, &centres(), z(shape.rows as f64));

@@ -16,7 +16,7 @@ use std::path::Path;
 pub use canvas::Canvas;
 pub use flip::{FlipError, PIXELS_PER_DEGREE, flip, linear_from_srgb8};
 pub use map::{MapBackground, draw_map, encode_map_png};
-pub use plot::{Panel, Plot, Series};
+pub use plot::{Panel, Parts, Plot, Series, escaped};
 pub use scene::draw_scene;
 pub use tone::ToneCurve;
 

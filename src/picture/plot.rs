@@ -27,6 +27,19 @@ pub struct Panel {
     pub y_label: String,
     /// Lines, drawn in this order.
     pub series: Vec<Series>,
+    /// Points with a ring about them, which is drawn over the lines.
+    pub rings: Vec<(f64, f64)>,
+    /// Name of the series with the thickest and darkest line.
+    pub emphasis: Option<String>,
+}
+
+/// A plot in pieces, for a page that puts them where there is room.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parts {
+    /// Every panel as an SVG document of its own, as wide as a telephone's screen.
+    pub panels: Vec<String>,
+    /// The legend: a sample of the line as an SVG document, and the series' name.
+    pub legend: Vec<(String, String)>,
 }
 
 /// A named line. Series of the same name look the same in all panels and have one entry in the legend.
@@ -42,6 +55,8 @@ pub struct Series {
 /// Colours that people with any of the common colour deficiencies can tell apart, all dark enough for thin lines on
 /// white: M. Okabe and K. Ito 2008, *Color Universal Design*, without yellow.
 const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9"];
+/// The colour of the emphasised series, which then is no other's.
+const EMPHASIS: &str = "#000000";
 /// Dashes of the lines when all colours have been used once, so that 21 series can be told apart.
 const DASHES: [&str; 3] = ["", "7 4", "2 3"];
 const COLUMNS: usize = 3;
@@ -53,51 +68,99 @@ const LEFT: f64 = 74.0;
 const RIGHT: f64 = 18.0;
 const ABOVE: f64 = 30.0;
 const BELOW: f64 = 52.0;
+const PANEL_WIDTH: f64 = LEFT + AREA_WIDTH + RIGHT;
+const PANEL_HEIGHT: f64 = ABOVE + AREA_HEIGHT + BELOW;
 const TITLE_HEIGHT: f64 = 36.0;
 const LEGEND_LINE: f64 = 20.0;
 /// Width of a legend entry besides its text, and of a letter of the text on average.
 const LEGEND_SAMPLE: f64 = 56.0;
+/// Width of a line in the legend.
+const SAMPLE_WIDTH: f64 = 28.0;
 const LETTER: f64 = 6.6;
 
 impl Plot {
     /// The plot as an SVG document with a white background. A plot without panels is its title.
     pub fn to_svg(&self) -> String {
+        let entries = self.entries();
+        let columns = if self.panels.len() == 4 { 2 } else { self.panels.len().clamp(1, COLUMNS) };
+        let width = columns as f64 * PANEL_WIDTH;
+        let legend_top = TITLE_HEIGHT + self.panels.len().div_ceil(columns) as f64 * PANEL_HEIGHT;
+        let (legend, legend_height) = legend(&entries, width, legend_top);
+        let mut svg = begin(width, legend_top + legend_height);
+        text(&mut svg, width / 2.0, 24.0, r#"text-anchor="middle" font-size="16""#, &self.title);
+        for (at, panel) in self.panels.iter().enumerate() {
+            let left = (at % columns) as f64 * PANEL_WIDTH;
+            let top = TITLE_HEIGHT + (at / columns) as f64 * PANEL_HEIGHT;
+            self.draw(panel, &mut svg, left, top, &entries);
+        }
+        svg.push_str(&legend);
+        svg.push_str("</svg>\n");
+        svg
+    }
+
+    /// The plot without its title, in pieces.
+    pub fn to_parts(&self) -> Parts {
+        let entries = self.entries();
+        let panels = self.panels.iter().map(|panel| {
+            let mut svg = begin(PANEL_WIDTH, PANEL_HEIGHT);
+            self.draw(panel, &mut svg, 0.0, 0.0, &entries);
+            svg + "</svg>\n"
+        });
+        let legend = entries.iter().map(|(name, style)| {
+            let mut svg = begin(SAMPLE_WIDTH, 12.0);
+            sample(&mut svg, 0.0, 6.0, style);
+            (svg + "</svg>", (*name).to_owned())
+        });
+        Parts { panels: panels.collect(), legend: legend.collect() }
+    }
+
+    /// Names and looks of all series, in the order of the legend.
+    fn entries(&self) -> Vec<(&str, Style)> {
         let mut names: Vec<&str> = Vec::new();
         for series in self.panels.iter().flat_map(|panel| &panel.series) {
             if !names.contains(&series.name.as_str()) {
                 names.push(&series.name);
             }
         }
-        let columns = if self.panels.len() == 4 { 2 } else { self.panels.len().clamp(1, COLUMNS) };
-        let panel_width = LEFT + AREA_WIDTH + RIGHT;
-        let panel_height = ABOVE + AREA_HEIGHT + BELOW;
-        let width = columns as f64 * panel_width;
-        let legend_top = TITLE_HEIGHT + self.panels.len().div_ceil(columns) as f64 * panel_height;
-        let (legend, legend_height) = legend(&names, width, legend_top);
-        let height = legend_top + legend_height;
+        let is_emphasised =
+            |name: &str| self.panels.iter().any(|panel| panel.emphasis.as_deref() == Some(name));
+        let palette: Vec<&'static str> = match names.iter().any(|name| is_emphasised(name)) {
+            true => COLOURS.into_iter().filter(|colour| *colour != EMPHASIS).collect(),
+            false => COLOURS.to_vec(),
+        };
+        let mut looks =
+            DASHES.into_iter().cycle().flat_map(|dash| palette.iter().map(move |colour| (*colour, dash)));
+        let mut style = |name: &str| match is_emphasised(name) {
+            true => Style { colour: EMPHASIS, dash: "", width: 3.0 },
+            false => {
+                let (colour, dash) = looks.next().unwrap_or((EMPHASIS, ""));
+                Style { colour, dash, width: 1.5 }
+            }
+        };
+        names.into_iter().map(|name| (name, style(name))).collect()
+    }
 
-        let mut svg = format!(
-            r##"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="12" fill="#222222">
+    /// Draws a panel with its upper left corner at (left, top).
+    fn draw(&self, panel: &Panel, svg: &mut String, left: f64, top: f64, entries: &[(&str, Style)]) {
+        let (left, top) = (left + LEFT, top + ABOVE);
+        let alike = |is_alike: fn(&Panel, &Panel) -> bool| {
+            self.panels.iter().filter(move |other| is_alike(panel, other)).flat_map(Panel::places)
+        };
+        let x_values = alike(|one, other| one.x_label == other.x_label).map(|(x, _)| x);
+        let y_values = alike(|one, other| one.y_label == other.y_label).map(|(_, y)| y);
+        let x_axis = Axis::new(x_values, left, left + AREA_WIDTH);
+        let y_axis = Axis::new(y_values, top + AREA_HEIGHT, top);
+        panel.draw(svg, &x_axis, &y_axis, entries);
+    }
+}
+
+/// The beginning of an SVG document with a white background.
+fn begin(width: f64, height: f64) -> String {
+    format!(
+        r##"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="12" fill="#222222">
 <rect width="{width}" height="{height}" fill="#ffffff"/>
 "##
-        );
-        text(&mut svg, width / 2.0, 24.0, r#"text-anchor="middle" font-size="16""#, &self.title);
-        for (at, panel) in self.panels.iter().enumerate() {
-            let left = (at % columns) as f64 * panel_width + LEFT;
-            let top = TITLE_HEIGHT + (at / columns) as f64 * panel_height + ABOVE;
-            let alike = |is_alike: fn(&Panel, &Panel) -> bool| {
-                self.panels.iter().filter(move |other| is_alike(panel, other)).flat_map(Panel::places)
-            };
-            let x_values = alike(|one, other| one.x_label == other.x_label).map(|(x, _)| x);
-            let y_values = alike(|one, other| one.y_label == other.y_label).map(|(_, y)| y);
-            let x_axis = Axis::new(x_values, left, left + AREA_WIDTH);
-            let y_axis = Axis::new(y_values, top + AREA_HEIGHT, top);
-            panel.draw(&mut svg, &x_axis, &y_axis, &names);
-        }
-        svg.push_str(&legend);
-        svg.push_str("</svg>\n");
-        svg
-    }
+    )
 }
 
 impl Panel {
@@ -106,7 +169,7 @@ impl Panel {
         self.series.iter().flat_map(|series| &series.points).copied().filter(has_place)
     }
 
-    fn draw(&self, svg: &mut String, x_axis: &Axis, y_axis: &Axis, names: &[&str]) {
+    fn draw(&self, svg: &mut String, x_axis: &Axis, y_axis: &Axis, entries: &[(&str, Style)]) {
         let ((left, right), (bottom, top)) = (x_axis.ends_px(), y_axis.ends_px());
 
         for tick in x_axis.ticks() {
@@ -142,8 +205,7 @@ impl Panel {
         );
 
         for series in &self.series {
-            let number = names.iter().position(|name| *name == series.name).unwrap_or(0);
-            let style = Style::of(number);
+            let Some((_, style)) = entries.iter().find(|(name, _)| *name == series.name) else { continue };
             for run in series.points.split(|point| !has_place(point)).filter(|run| !run.is_empty()) {
                 let places: Vec<String> = run
                     .iter()
@@ -156,6 +218,13 @@ impl Panel {
                 }
             }
         }
+        for (x, y) in self.rings.iter().filter(|&ring| has_place(ring)) {
+            let (x, y) = (px(x_axis.position(*x)), px(y_axis.position(*y)));
+            let _ = writeln!(
+                svg,
+                r##"<circle cx="{x}" cy="{y}" r="5" fill="none" stroke="#222222" stroke-width="0.9"/>"##
+            );
+        }
     }
 }
 
@@ -163,44 +232,41 @@ impl Panel {
 struct Style {
     colour: &'static str,
     dash: &'static str,
+    width: f64,
 }
 
 impl Style {
-    fn of(number: usize) -> Self {
-        Self { colour: COLOURS[number % COLOURS.len()], dash: DASHES[number / COLOURS.len() % DASHES.len()] }
-    }
-
     fn line(&self) -> String {
         let dash = match self.dash {
             "" => String::new(),
             dash => format!(r#" stroke-dasharray="{dash}""#),
         };
-        format!(r#"fill="none" stroke="{}" stroke-width="1.5" stroke-linejoin="round"{dash}"#, self.colour)
+        let Self { colour, width, .. } = self;
+        format!(r#"fill="none" stroke="{colour}" stroke-width="{width}" stroke-linejoin="round"{dash}"#)
     }
 }
 
 /// The entries of the legend from left to right in as many lines as the width needs, and its height.
-fn legend(names: &[&str], width: f64, top: f64) -> (String, f64) {
+fn legend(entries: &[(&str, Style)], width: f64, top: f64) -> (String, f64) {
     let mut svg = String::new();
     let (mut x, mut y) = (LEFT, top + LEGEND_LINE / 2.0);
-    for (number, name) in names.iter().enumerate() {
+    for (name, style) in entries {
         let entry = LEGEND_SAMPLE + LETTER * name.chars().count() as f64;
         if x + entry > width && x > LEFT {
             (x, y) = (LEFT, y + LEGEND_LINE);
         }
-        let style = Style::of(number);
-        let _ = writeln!(
-            svg,
-            r#"<line x1="{}" y1="{y}" x2="{}" y2="{y}" {}/>"#,
-            px(x),
-            px(x + 28.0),
-            style.line()
-        );
-        let _ = writeln!(svg, r#"<circle cx="{}" cy="{y}" r="2.5" fill="{}"/>"#, px(x + 14.0), style.colour);
+        sample(&mut svg, x, y, style);
         text(&mut svg, x + 34.0, y + 4.0, "", name);
         x += entry;
     }
-    (svg, if names.is_empty() { 0.0 } else { y - top + LEGEND_LINE })
+    (svg, if entries.is_empty() { 0.0 } else { y - top + LEGEND_LINE })
+}
+
+/// A short piece of a line.
+fn sample(svg: &mut String, x: f64, y: f64, style: &Style) {
+    let (end, middle) = (px(x + SAMPLE_WIDTH), px(x + SAMPLE_WIDTH / 2.0));
+    let _ = writeln!(svg, r#"<line x1="{}" y1="{y}" x2="{end}" y2="{y}" {}/>"#, px(x), style.line());
+    let _ = writeln!(svg, r#"<circle cx="{middle}" cy="{y}" r="2.5" fill="{}"/>"#, style.colour);
 }
 
 fn has_place(&(x, y): &(f64, f64)) -> bool {
@@ -224,14 +290,15 @@ fn text(svg: &mut String, x: f64, y: f64, attributes: &str, content: &str) {
         writeln!(svg, r#"<text x="{}" y="{}"{space}{attributes}>{}</text>"#, px(x), px(y), escaped(content));
 }
 
-/// Text as XML content. Characters that XML does not allow, such as most control characters, become U+FFFD.
-fn escaped(content: &str) -> String {
+/// Text as XML content, or as an attribute in double quotes. Characters that XML does not allow, such as most control characters, become U+FFFD.
+pub fn escaped(content: &str) -> String {
     let mut safe = String::with_capacity(content.len());
     for character in content.chars() {
         match character {
             '&' => safe.push_str("&amp;"),
             '<' => safe.push_str("&lt;"),
             '>' => safe.push_str("&gt;"),
+            '"' => safe.push_str("&quot;"),
             '\t' | '\n' | '\r' => safe.push(' '),
             '\0'..' ' | '\u{fffe}' | '\u{ffff}' => safe.push('\u{fffd}'),
             other => safe.push(other),

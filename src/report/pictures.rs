@@ -87,13 +87,8 @@ impl Pictures {
     ///
     /// # Errors
     /// Those of the device, and of [`Extractor::new`].
-    pub fn measure(&mut self, map: &PolarMap, mut progress: impl FnMut(f64)) -> Result<Vec<Row>> {
-        let emitters = emitters(map);
-        let Timed { renderer, camera, .. } = &mut self.timed;
-        renderer.draw_reference(&emitters, camera, 1, |done| {
-            progress(done as f64 / emitters.len().max(1) as f64);
-        })?;
-        renderer.read_radiance(&mut self.reference)?;
+    pub fn measure(&mut self, map: &PolarMap, progress: impl FnMut(f64)) -> Result<Vec<Row>> {
+        self.draw_reference(map, progress)?;
         let mut list = LightList::default();
         let mut rows = Vec::new();
         for count in COUNTS {
@@ -108,14 +103,44 @@ impl Pictures {
         Ok(rows)
     }
 
+    /// Draws the picture that has every pixel of `map` as a light with a shadow map of its own, which later ones are
+    /// compared with. `progress` is called with the share that is drawn.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn draw_reference(&mut self, map: &PolarMap, mut progress: impl FnMut(f64)) -> Result<()> {
+        let emitters = emitters(map);
+        let Timed { renderer, camera, .. } = &mut self.timed;
+        renderer.draw_reference(&emitters, camera, 1, |done| {
+            progress(done as f64 / emitters.len().max(1) as f64);
+        })?;
+        renderer.read_radiance(&mut self.reference)
+    }
+
+    /// [`relative_rms`] and [`mean_flip`] of the picture under these lights against the reference drawn last.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn errors(&mut self, list: &LightList) -> Result<(f64, f64)> {
+        let Timed { renderer, camera, .. } = &mut self.timed;
+        // Takes all shadow maps back: which lights own them would depend on the lists before.
+        renderer.draw(&[], camera, 1)?;
+        renderer.draw(&list.lights, camera, 1)?;
+        self.compare()
+    }
+
     fn figures(&mut self, list: &LightList) -> Result<Figures> {
         let time = self.timed.measure(&list.lights, BUDGET)?;
+        let (rms, flip) = self.compare()?;
+        Ok(Figures { rms, flip, frame: time.frame })
+    }
+
+    fn compare(&mut self) -> Result<(f64, f64)> {
         self.timed.renderer.read_radiance(&mut self.picture)?;
-        Ok(Figures {
-            rms: relative_rms(&self.reference, &self.picture),
-            flip: mean_flip(&self.reference, &self.picture, self.timed.renderer.size()[0]),
-            frame: time.frame,
-        })
+        Ok((
+            relative_rms(&self.reference, &self.picture),
+            mean_flip(&self.reference, &self.picture, self.timed.renderer.size()[0]),
+        ))
     }
 }
 
@@ -173,6 +198,7 @@ pub fn plot(title: &str, measured: &[Measured]) -> Plot {
                 points: rows.iter().map(|row| (row.count as f64, pick(&row.figures[sampler]))).collect(),
             })
             .collect(),
+        ..Panel::default()
     };
     let (rms, flip) = ("RMS / mean", "FLIP");
     let all = means(measured.iter());

@@ -1,11 +1,12 @@
 //! Steadiness of lights over time: the garden and the hall of METHODS section 7, 40 frames of 360 x 90 hemispheres
-//! each, 128 lights, before and after the FIR.
+//! each, 128 lights, before and after the FIR; and any other sequence of maps with any number of lights.
 //!
 //! What is compared are irradiances at 200 places: the ground beside a sphere, in 10 x 10 cells of 6 x 6 points, and
 //! 100 normals. After the filter a list is judged against the irradiances of the maps passed through the same taps;
-//! irradiance is linear in the map, so this is the irradiance of the filtered map. The first 8 filtered frames are
-//! left out.
+//! irradiance is linear in the map, so this is the irradiance of the filtered map. The first filtered frames, as many
+//! as the filter's order (8 at 25 frames per second), are left out: they still see the repetitions of the first.
 
+use super::filtered_truth::filtered;
 use super::sequence_maps::{garden_frame, hall_frame};
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape, Stamp};
@@ -14,6 +15,7 @@ use crate::light::{Extractor, Inversion, Light, LightList, Options, Sampler};
 use crate::math::angle_between;
 use crate::temporal::{Directions, FilterOptions, LightFilter, design};
 use glam::DVec3;
+use std::time::{Duration, Instant};
 
 /// Size of the maps that the figures are given for.
 pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
@@ -23,8 +25,6 @@ pub const FRAMES: usize = 40;
 pub const LIGHTS: usize = 128;
 /// The rate that the published taps are for.
 const FRAME_RATE_HZ: f64 = 25.0;
-/// Frames left out after the filter, whose history still holds repetitions of the first: its order.
-const START_UP: usize = 8;
 
 /// How the lights of a sequence are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +42,18 @@ pub enum Method {
 impl Method {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Paper, Self::Refined, Self::Persistent, Self::Adaptive];
+    /// The one that `run` takes unless told otherwise.
+    pub const OURS: Self = Self::Adaptive;
+
+    /// What tables call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "the paper",
+            Self::Refined => "refined",
+            Self::Persistent => "persistent",
+            Self::Adaptive => "adaptive",
+        }
+    }
 
     fn sampler(self) -> Sampler {
         match self {
@@ -62,7 +74,7 @@ impl Method {
 /// How far lists are from the truth over a sequence, and how unsteadily.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// RMS of (value - reference) over frames and places, relative to the mean reference.
+    /// RMS of (value - reference) over frames and places, relative to the mean reference; 0 where both are dark.
     pub error: f64,
     /// RMS of the second time difference of (value - reference), relative to the mean reference.
     pub flicker: f64,
@@ -84,12 +96,23 @@ pub struct BeforeAndAfter {
     pub soft_after: Figures,
 }
 
+/// What one method with some number of lights makes of a sequence, and how long it takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timed {
+    /// How near and how steady.
+    pub measured: BeforeAndAfter,
+    /// Median time of a frame: extraction and filter with their error estimates.
+    pub time: Duration,
+}
+
 /// A sequence of maps with its truth.
 pub struct Sequence {
     maps: Vec<PolarMap>,
     /// Irradiances at all places, frame by frame.
     truth: Vec<Vec<f64>>,
     filtered_truth: Vec<Vec<f64>>,
+    /// The filter's order: filtered frames that are left out.
+    start_up: usize,
 }
 
 impl Sequence {
@@ -114,63 +137,102 @@ impl Sequence {
     }
 
     fn new(frame: impl Fn(usize) -> PolarMap) -> Result<Self> {
-        let maps: Vec<PolarMap> = (0..FRAMES)
-            .map(|t| {
-                let stamp = Stamp {
-                    sequence: t as u64,
-                    capture_time_ns: (t as f64 * 1e9 / FRAME_RATE_HZ) as i64,
-                    lost_before: 0,
-                    frame_rate_hz: FRAME_RATE_HZ,
-                };
-                PolarMap { stamp, ..frame(t) }
-            })
-            .collect();
-        let truth: Vec<Vec<f64>> = maps.iter().map(|map| values(&Emitters::from_map(map))).collect();
-        let taps = design(FRAME_RATE_HZ, &FilterOptions::default())?;
-        // As the light filter does, take the first frame for all time before.
-        let filtered_truth = (0..FRAMES)
-            .map(|t| {
-                let at = |place: usize| {
-                    let taps = taps.as_slice().iter().enumerate();
-                    taps.map(|(age, tap)| tap * truth[t.saturating_sub(age)][place]).sum()
-                };
-                (0..truth[t].len()).map(at).collect()
-            })
-            .collect();
-        Ok(Self { maps, truth, filtered_truth })
+        let maps = (0..FRAMES).map(|t| PolarMap { stamp: stamp(t, FRAME_RATE_HZ), ..frame(t) }).collect();
+        Self::from_maps(maps, || true)
     }
 
-    /// Extracts, filters and measures.
+    /// Any maps of one shape, in the order of their stamps, whose frame rate decides on the filter; what a stamp
+    /// says is lost is held, as the filter does. Works out the truth, about a tenth of a second a map; `goes_on` is
+    /// asked after every map.
+    ///
+    /// # Errors
+    /// Kind `Usage` for maps of different shapes, for fewer than the filter's order and three more, and for a frame
+    /// rate without a filter (see [`design`]); kind `Failed` when `goes_on` says no.
+    pub fn from_maps(maps: Vec<PolarMap>, mut goes_on: impl FnMut() -> bool) -> Result<Self> {
+        let frame_rate_hz = maps.first().map_or(0.0, |map| map.stamp.frame_rate_hz);
+        if maps.iter().any(|map| map.shape != maps[0].shape || map.pixels.len() != map.shape.len()) {
+            return Err(Error::usage("the maps of a sequence are of different shapes; give them one"));
+        }
+        let taps = design(frame_rate_hz, &FilterOptions::default())?;
+        let (count, start_up) = (maps.len(), taps.order());
+        if count < start_up + 3 {
+            return Err(Error::usage(format!(
+                "a sequence of {count} frames; flicker is measured from the {}th on, give at least as many",
+                start_up + 3
+            )));
+        }
+        let mut truth = Vec::with_capacity(count);
+        for map in &maps {
+            truth.push(values(&Emitters::from_map(map)));
+            if !goes_on() {
+                return Err(Error::failed("interrupted before the truth of all frames was known"));
+            }
+        }
+        let filtered_truth = filtered(&truth, maps.iter().map(|map| map.stamp.lost_before), taps.as_slice());
+        Ok(Self { maps, truth, filtered_truth, start_up })
+    }
+
+    /// Number of frames.
+    pub fn frame_count(&self) -> usize {
+        self.maps.len()
+    }
+
+    /// Frames per second; 0 where they are not known.
+    pub fn frame_rate_hz(&self) -> f64 {
+        self.maps[0].stamp.frame_rate_hz
+    }
+
+    /// Whether anything is filtered at this frame rate.
+    pub fn is_filtered(&self) -> bool {
+        self.start_up > 0
+    }
+
+    /// Extracts, filters and measures [`LIGHTS`] lights.
     ///
     /// # Errors
     /// Those of the extractor and the filter.
     pub fn measure(&self, method: Method) -> Result<BeforeAndAfter> {
-        let options = Options {
-            count: LIGHTS,
-            sampler: method.sampler(),
-            inversion: if method == Method::Paper {
-                Inversion::NormalisedRows
-            } else {
-                Inversion::Bicontinuous
-            },
-            ..Options::default()
-        };
-        let mut extractor = Extractor::new(SHAPE, &options)?;
+        Ok(self.measure_lights(method, LIGHTS)?.measured)
+    }
+
+    /// Extracts, filters and measures `count` lights, and takes the time.
+    ///
+    /// # Errors
+    /// Those of the extractor and the filter.
+    pub fn measure_lights(&self, method: Method, count: usize) -> Result<Timed> {
+        let normalised = Options { inversion: Inversion::NormalisedRows, ..Options::default() };
+        let others = if method == Method::Paper { normalised } else { Options::default() };
+        let options = Options { count, sampler: method.sampler(), ..others };
+        let mut extractor = Extractor::new(self.maps[0].shape, &options)?;
         let mut filter = LightFilter::new(&method.filter())?;
-        let (mut before, mut after) = (Vec::new(), Vec::new());
+        let (mut before, mut after, mut times) = (Vec::new(), Vec::new(), Vec::new());
         for map in &self.maps {
             let (mut list, mut filtered) = (LightList::default(), LightList::default());
+            let start = Instant::now();
             extractor.step(map, &mut list);
             filter.step(&list, &mut filtered)?;
+            times.push(start.elapsed());
             before.push(list);
             after.push(filtered);
         }
-        Ok(BeforeAndAfter {
+        times.sort();
+        let measured = BeforeAndAfter {
             before: figures(&before, &self.truth, hard),
-            after: figures(&after[START_UP..], &self.filtered_truth[START_UP..], hard),
+            after: figures(&after[self.start_up..], &self.filtered_truth[self.start_up..], hard),
             soft_before: figures(&before, &self.truth, soft),
-            soft_after: figures(&after[START_UP..], &self.filtered_truth[START_UP..], soft),
-        })
+            soft_after: figures(&after[self.start_up..], &self.filtered_truth[self.start_up..], soft),
+        };
+        Ok(Timed { measured, time: times[times.len() / 2] })
+    }
+}
+
+/// Stamp of frame t of a calculated sequence.
+fn stamp(t: usize, frame_rate_hz: f64) -> Stamp {
+    Stamp {
+        sequence: t as u64,
+        capture_time_ns: (t as f64 * 1e9 / frame_rate_hz) as i64,
+        lost_before: 0,
+        frame_rate_hz,
     }
 }
 
@@ -223,9 +285,10 @@ fn figures(lists: &[LightList], truth: &[Vec<f64>], values: fn(&[Light]) -> Vec<
         })
         .collect();
     motion.sort_by(f64::total_cmp);
+    let relative = |rms: f64| if rms == 0.0 { 0.0 } else { rms / mean };
     Figures {
-        error: rms(differences.iter().flatten().copied()) / mean,
-        flicker: rms(second_differences) / mean,
+        error: relative(rms(differences.iter().flatten().copied())),
+        flicker: relative(rms(second_differences)),
         motion_deg: [0.5, 0.99, 1.0].map(|fraction| percentile(&motion, fraction)),
     }
 }
@@ -299,6 +362,39 @@ mod tests {
         let sorted = [1.0, 2.0, 4.0];
         assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(|p| percentile(&sorted, p)), [1.0, 1.5, 2.0, 3.0, 4.0]);
         assert_eq!((percentile(&[], 0.5), percentile(&[3.0], 0.97)), (0.0, 3.0));
+    }
+
+    #[test]
+    fn any_maps_of_one_shape_are_a_sequence_and_black_ones_have_no_error() {
+        let shape = PolarShape::hemisphere(12, 4);
+        let maps = |count, rate, gain: f32| -> Vec<PolarMap> {
+            let frame = |t| PolarMap {
+                stamp: stamp(t, rate),
+                ..PolarMap::from_fn(shape, |row, column| [gain * (row * 7 + (column + t) % 12) as f32; 3])
+            };
+            (0..count).map(frame).collect()
+        };
+        let sequence = Sequence::from_maps(maps(12, 25.0, 1.0), || true).unwrap();
+        assert_eq!((sequence.frame_count(), sequence.is_filtered()), (12, true));
+        let few = sequence.measure_lights(Method::Persistent, 4).unwrap().measured;
+        let many = sequence.measure_lights(Method::Persistent, 32).unwrap();
+        assert!(many.time > Duration::ZERO);
+        assert!(many.measured.after.error < few.after.error, "{many:?} {few:?}");
+        // Below 19.2 Hz nothing is filtered.
+        let slow = Sequence::from_maps(maps(3, 10.0, 1.0), || true).unwrap();
+        let BeforeAndAfter { before, after, .. } = slow.measure_lights(Method::Refined, 8).unwrap().measured;
+        assert!(!slow.is_filtered() && before == after);
+        let black = Sequence::from_maps(maps(12, 25.0, 0.0), || true).unwrap();
+        let BeforeAndAfter { before, after, .. } = black.measure_lights(Method::Paper, 8).unwrap().measured;
+        assert_eq!([before.error, before.flicker, after.error, after.flicker], [0.0; 4]);
+        let refused = |maps| Sequence::from_maps(maps, || true).err().unwrap().to_string();
+        assert!(refused(maps(10, 25.0, 1.0)).contains("11th"));
+        assert!(refused(Vec::new()).contains("0 frames"));
+        let mut uneven = maps(12, 25.0, 1.0);
+        uneven[5] = PolarMap::black(PolarShape::hemisphere(6, 4));
+        assert!(refused(uneven).contains("different shapes"));
+        let interrupted = Sequence::from_maps(maps(12, 25.0, 1.0), || false);
+        assert!(interrupted.err().unwrap().to_string().contains("interrupted"));
     }
 
     #[test]

@@ -102,18 +102,6 @@ pub fn measure(garden: &PolarMap, hall: &PolarMap) -> Result<Vec<Row>> {
 /// How far above the published figures a row may lie.
 pub const LIMIT: f64 = 1.15;
 
-impl Method {
-    /// How tables call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Paper => "the paper",
-            Self::Refined => "refined",
-            Self::Persistent => "persistent",
-            Self::Adaptive => "adaptive",
-        }
-    }
-}
-
 /// Lines of two tables. The first has every light as a direction, with the published figures in brackets and whether
 /// the row keeps [`LIMIT`]; the second has shadows softened by the lights' spread, with the goals of adaptive lights in
 /// brackets and whether they are reached.
@@ -165,7 +153,8 @@ pub fn lines(rows: &[Row]) -> Vec<String> {
     lines.push(heading("soft shadows"));
     for row in rows {
         let BeforeAndAfter { soft_before: before, soft_after: after, .. } = &row.measured;
-        let goal = GOALS.into_iter().find(|(name, _)| *name == row.sequence && row.method == Method::Adaptive);
+        let goal =
+            GOALS.into_iter().find(|(name, _)| *name == row.sequence && row.method == Method::Adaptive);
         let pair = |value: f64, place: usize| match goal {
             Some((_, goals)) => format!("{value:.4} ({:.4})", goals[place]),
             None => format!("{value:.4}"),

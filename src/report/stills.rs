@@ -11,9 +11,12 @@ use std::time::{Duration, Instant};
 pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 /// Numbers of lights in the table.
 pub const COUNTS: [usize; 2] = [64, 256];
-/// Extractions of which the median time is reported: fewer where they take long.
-const RUNS: usize = 9;
-const RUNS_TIME: Duration = Duration::from_millis(100);
+/// Extractions of which the median time is reported: at least so many, ...
+const LEAST_RUNS: usize = 3;
+/// ... at most so many, ...
+const MOST_RUNS: usize = 25;
+/// ... and no more once they have taken so long together.
+const BUDGET: Duration = Duration::from_millis(100);
 
 /// A way from a map to lights, with its row of METHODS section 6 where it has one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +84,9 @@ pub const METHODS: [Method; 8] = [
     ),
 ];
 
+/// The method of [`METHODS`] that is this program's own for single maps.
+pub const OURS: &str = "refined";
+
 /// One map, one method, one number of lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
@@ -98,41 +104,75 @@ pub struct Row {
     pub time: Duration,
 }
 
-/// Measures all methods on one map.
+impl Method {
+    /// What an extractor is told.
+    pub fn options(&self, count: usize) -> Options {
+        Options { count, sampler: self.sampler, inversion: self.inversion, ..Options::default() }
+    }
+}
+
+/// Measures all methods on one map with [`COUNTS`] lights.
 ///
 /// # Errors
 /// Those of [`Extractor::new`].
 pub fn measure(map: &PolarMap) -> Result<Vec<Row>> {
+    measure_counts(map, &COUNTS, || true)
+}
+
+/// Measures all methods on one map with so many lights. `goes_on` is asked after every row; when it says no, the rows
+/// until then are all.
+///
+/// # Errors
+/// Those of [`Extractor::new`].
+pub fn measure_counts(
+    map: &PolarMap,
+    counts: &[usize],
+    mut goes_on: impl FnMut() -> bool,
+) -> Result<Vec<Row>> {
     let reference = Reference::new(map);
     let power = luminance_f64(map.power());
     let mut rows = Vec::new();
     for method in METHODS {
-        for count in COUNTS {
-            let Method { sampler, inversion, .. } = method;
-            let options = Options { count, sampler, inversion, ..Options::default() };
-            let mut extractor = Extractor::new(map.shape, &options)?;
-            let (mut list, mut list_error) = (LightList::default(), ListError::new());
-            let mut times = Vec::with_capacity(RUNS);
-            while times.len() < RUNS && times.iter().sum::<Duration>() < RUNS_TIME {
-                let start = Instant::now();
-                extractor.step(map, &mut list);
-                list_error.measure(&mut list);
-                times.push(start.elapsed());
-            }
-            times.sort();
+        for &count in counts {
+            let mut extractor = Extractor::new(map.shape, &method.options(count))?;
+            let (mut first, mut list, mut list_error) =
+                (LightList::default(), LightList::default(), ListError::new());
+            let mut run = |list: &mut LightList| {
+                extractor.step(map, list);
+                list_error.measure(list);
+            };
+            // The first list is judged: a sampler that remembers would make others of the same map.
+            run(&mut first);
+            let time = median_time(|| run(&mut list));
             let power_difference =
-                if power > 0.0 { luminance_f64(list.sum_of_lights()) / power - 1.0 } else { 0.0 };
+                if power > 0.0 { luminance_f64(first.sum_of_lights()) / power - 1.0 } else { 0.0 };
             rows.push(Row {
                 method,
                 count,
-                errors: reference.errors(&list.lights),
-                estimate: list.error,
+                errors: reference.errors(&first.lights),
+                estimate: first.error,
                 power_difference,
-                time: times[times.len() / 2],
+                time,
             });
+            if !goes_on() {
+                return Ok(rows);
+            }
         }
     }
     Ok(rows)
+}
+
+/// Median time of some runs.
+pub(super) fn median_time(mut run: impl FnMut()) -> Duration {
+    let mut times = Vec::new();
+    let begin = Instant::now();
+    while times.len() < LEAST_RUNS || (times.len() < MOST_RUNS && begin.elapsed() < BUDGET) {
+        let start = Instant::now();
+        run();
+        times.push(start.elapsed());
+    }
+    times.sort();
+    times[times.len() / 2]
 }
 
 /// Geometric means of the errors of rows with the same method and number of lights, in the order of [`METHODS`] and
@@ -158,28 +198,6 @@ pub fn means(rows: &[Row]) -> Vec<(Method, usize, Errors)> {
         }
     }
     means
-}
-
-/// Lines for the rows of one map, header first.
-pub fn lines(name: &str, rows: &[Row]) -> Vec<String> {
-    let mut lines = vec![format!(
-        "{name:<28} {:>6} {:>10} {:>10} {:>10} {:>10} {:>9} {:>9}",
-        "lights", "irradiance", "shadow", "glossy", "estimate", "power", "ms"
-    )];
-    lines.extend(rows.iter().map(|row| {
-        format!(
-            "  {:<26} {:>6} {:>10.5} {:>10.5} {:>10.5} {:>10.5} {:>9.0e} {:>9.3}",
-            row.method.name,
-            row.count,
-            row.errors.irradiance,
-            row.errors.shadow,
-            row.errors.glossy,
-            row.estimate,
-            row.power_difference.abs(),
-            row.time.as_secs_f64() * 1e3
-        )
-    }));
-    lines
 }
 
 /// Geometric mean of values >= 0: 0 where one of them is, and for none.
@@ -251,7 +269,6 @@ mod tests {
         let means = means(&rows);
         assert_eq!(means.len(), rows.len());
         assert!((means[0].2.shadow / rows[0].errors.shadow - 1.0).abs() < 1e-12);
-        assert_eq!(lines("map", &rows).len(), 1 + rows.len());
         assert!(mean_lines(&rows, 1)[1].trim_end().ends_with(&format!("{:.5}", rows[0].errors.glossy)));
     }
 

@@ -94,7 +94,9 @@ fn a_cut_settles_within_the_filters_length_and_does_not_flash() {
     let (mut settled, mut flashes) = (Vec::new(), Vec::new());
     // What a scene that stood still all the time has by then.
     let still: Vec<f64> = (0..maps.len())
-        .map(|i| track(&[&maps[i].1; FILTER_LENGTH + 1], &[&truths[i]; FILTER_LENGTH + 1]).error[FILTER_LENGTH])
+        .map(|i| {
+            track(&[&maps[i].1; FILTER_LENGTH + 1], &[&truths[i]; FILTER_LENGTH + 1]).error[FILTER_LENGTH]
+        })
         .collect();
     for step in [1, 5, 9] {
         for from in 0..maps.len() {
@@ -139,8 +141,7 @@ fn lamp_track(lamp: impl Fn(usize) -> f64, settled: usize) -> [f64; 2] {
     const FRAMES: usize = 60;
     let maps: Vec<PolarMap> = (0..FRAMES).map(|t| sky(lamp(t))).collect();
     let truths: Vec<Vec<f64>> = maps.iter().map(truth).collect();
-    let Track { error, excess } =
-        track(&maps.iter().collect::<Vec<_>>(), &truths.iter().collect::<Vec<_>>());
+    let Track { error, excess } = track(&maps.iter().collect::<Vec<_>>(), &truths.iter().collect::<Vec<_>>());
     let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
     [most(&error[settled..]) / error[FRAMES - 1], most(&excess)]
 }
@@ -149,8 +150,7 @@ fn lamp_track(lamp: impl Fn(usize) -> f64, settled: usize) -> [f64; 2] {
 fn a_lamp_that_appears_settles_within_the_filters_length_and_does_not_flash() {
     // The lamp has 0.06, 0.5 and 9 times the power of the sky.
     for radiance in [200.0, 2000.0, 30_000.0] {
-        let [settled, flash] =
-            lamp_track(|t| if t < 20 { 0.0 } else { radiance }, 20 + FILTER_LENGTH);
+        let [settled, flash] = lamp_track(|t| if t < 20 { 0.0 } else { radiance }, 20 + FILTER_LENGTH);
         println!("a lamp of {radiance} appears: error {settled:.2} of the last frame's, flash {flash:.3}");
         assert!(settled < 1.5 && flash < 0.05, "{radiance}: {settled} {flash}");
     }
@@ -159,8 +159,7 @@ fn a_lamp_that_appears_settles_within_the_filters_length_and_does_not_flash() {
 #[test]
 fn a_lamp_that_goes_out_settles_within_the_filters_length_and_does_not_flash() {
     for radiance in [200.0, 2000.0, 30_000.0] {
-        let [settled, flash] =
-            lamp_track(|t| if t < 20 { radiance } else { 0.0 }, 20 + FILTER_LENGTH);
+        let [settled, flash] = lamp_track(|t| if t < 20 { radiance } else { 0.0 }, 20 + FILTER_LENGTH);
         println!("a lamp of {radiance} goes out: error {settled:.2} of the last frame's, flash {flash:.3}");
         assert!(settled < 1.5 && flash < 0.05, "{radiance}: {settled} {flash}");
     }

@@ -1,4 +1,4 @@
-//! The program on recorded sequences: same bytes on every run, bad files, wrong configurations, signals.
+//! The program on recorded sequences: same bytes on every run, bad files, wrong configurations, signals; reports.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 mod bad_frames;
@@ -12,4 +12,5 @@ mod render;
 mod repeatable;
 #[cfg(feature = "render")]
 mod report;
+mod report_page;
 mod signals;

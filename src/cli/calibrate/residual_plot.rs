@@ -56,12 +56,14 @@ pub(super) fn residual_plot(fit: &LensFit) -> Plot {
                     by_angle("mean away from the axis, absolute", |bin| (bin.sum / bin.count).abs()),
                     by_angle("largest", |bin| bin.largest),
                 ],
+                ..Panel::default()
             },
             Panel {
                 title: "By picture".to_owned(),
                 x_label: "number of the picture".to_owned(),
                 y_label: "residual / px".to_owned(),
                 series: vec![pictures("RMS of a picture", false), pictures("RMS of a dropped picture", true)],
+                ..Panel::default()
             },
         ],
     }

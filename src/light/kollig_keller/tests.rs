@@ -1,7 +1,7 @@
 use super::{grow, kollig_keller, relax};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::light::refine::Voronoi;
 use crate::light::Light;
+use crate::light::refine::Voronoi;
 use crate::light::test_maps::{hard_maps, real_map};
 use crate::math::fibonacci_sphere;
 
@@ -10,7 +10,8 @@ fn even_sites(count: usize) -> Vec<[f32; 3]> {
 }
 
 fn run(map: &PolarMap, count: usize) -> Vec<Light> {
-    let (mut voronoi, mut sites, mut lights) = (Voronoi::new(map.shape, count), even_sites(count), Vec::new());
+    let (mut voronoi, mut sites, mut lights) =
+        (Voronoi::new(map.shape, count), even_sites(count), Vec::new());
     kollig_keller(map, &mut voronoi, &mut sites, &mut lights);
     lights
 }

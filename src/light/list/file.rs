@@ -105,7 +105,9 @@ impl LightList {
         let message: Message<S> = serde_json::from_slice(text)
             .map_err(|error| Error::failed("is no light list, one JSON object").because(error))?;
         let Message { version, sequence, capture_time_ns, lost_before, frame_rate_hz, .. } = message;
-        let Message { filter_delay_frames, chosen_lights, power, error, prefix_errors, lights, stream, .. } = message;
+        let Message {
+            filter_delay_frames, chosen_lights, power, error, prefix_errors, lights, stream, ..
+        } = message;
         if version != 1 {
             return Err(Error::failed(format!("is of version {version}; this program reads version 1")));
         }

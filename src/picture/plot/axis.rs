@@ -8,6 +8,8 @@ const MARGIN: f64 = 0.04;
 const WANTED_LABELS: usize = 3;
 /// Most labels that a panel has room for.
 const MOST_LABELS: usize = 8;
+/// Room that a label takes along the axis.
+const LABEL_PX: f64 = 28.0;
 
 /// A logarithmic axis from one position in px to another, in either direction.
 pub struct Axis {
@@ -53,7 +55,7 @@ impl Axis {
 
     /// Ticks at 1 to 9 times the powers of ten; only at the powers where the range is long. Labels stand at the
     /// powers, or also at 2 and 5, or at all, so that there are enough of them; at every second, third, ... power
-    /// where there are too many.
+    /// where there are too many, and nowhere so close to another that they would touch.
     pub fn ticks(&self) -> Vec<Tick> {
         const LN_10: f64 = std::f64::consts::LN_10;
         let decades = (self.low / LN_10).floor() as i32..=(self.high / LN_10).ceil() as i32;
@@ -71,14 +73,28 @@ impl Axis {
             ([1, 2, 3, 4, 5, 6, 7, 8, 9].as_slice(), 1)
         };
         let minor = if powers > MOST_LABELS { 1..=1 } else { 1..=9 };
-        decades
+        let (mut ticks, of_ticks): (Vec<Tick>, Vec<u32>) = decades
             .flat_map(|decade| minor.clone().map(move |digit| (digit, decade)))
-            .map(|(digit, decade)| Tick {
-                value: power(digit, decade),
-                is_labelled: digits.contains(&digit) && decade % every == 0,
+            .map(|(digit, decade)| {
+                let is_labelled = digits.contains(&digit) && decade % every == 0;
+                (Tick { value: power(digit, decade), is_labelled }, digit)
             })
-            .filter(|tick| is_inside(tick.value))
-            .collect()
+            .filter(|(tick, _)| is_inside(tick.value))
+            .unzip();
+        // The roundest first; what would touch one of them has no label.
+        let mut taken: Vec<f64> = Vec::new();
+        for digit in [1, 5, 2, 3, 4, 7, 6, 8, 9] {
+            for (tick, _) in
+                ticks.iter_mut().zip(&of_ticks).filter(|(tick, of)| tick.is_labelled && **of == digit)
+            {
+                let place = self.position(tick.value);
+                tick.is_labelled = taken.iter().all(|other| (place - other).abs() >= LABEL_PX);
+                if tick.is_labelled {
+                    taken.push(place);
+                }
+            }
+        }
+        ticks
     }
 }
 

@@ -6,7 +6,13 @@ fn series(name: &str, points: &[(f64, f64)]) -> Series {
 }
 
 fn panel(series: Vec<Series>) -> Panel {
-    Panel { title: "map".into(), x_label: "lights".into(), y_label: "RMS / mean".into(), series }
+    Panel {
+        title: "map".into(),
+        x_label: "lights".into(),
+        y_label: "RMS / mean".into(),
+        series,
+        ..Panel::default()
+    }
 }
 
 fn plot(panels: Vec<Panel>) -> String {
@@ -122,12 +128,23 @@ fn extreme_values_have_a_place_and_few_labels() {
     assert!((x - (2.0 * LEFT + 1.5 * AREA_WIDTH + RIGHT)).abs() < 0.006);
     assert!((y - (TITLE_HEIGHT + ABOVE + AREA_HEIGHT / 2.0)).abs() < 0.006);
     assert!(elements(&document, "text").len() < 40);
-    for (low, high) in
-        [(1.0, 1.0), (1.0, 1.3), (4.0, 512.0), (0.9, 1.1), (1e-9, 1e9), (3.0, 40.0), (95.0, 96.0)]
-    {
-        let axis = Axis::new([low, high].into_iter(), 0.0, 1.0);
-        let labels = axis.ticks().iter().filter(|tick| tick.is_labelled).count();
-        assert!((1..=9).contains(&labels), "{low} to {high}: {labels} labels");
+    for (low, high) in [
+        (1.0, 1.0),
+        (1.0, 1.3),
+        (4.0, 512.0),
+        (0.9, 1.1),
+        (1e-9, 1e9),
+        (3.0, 40.0),
+        (95.0, 96.0),
+        (0.27, 1.6),
+    ] {
+        let axis = Axis::new([low, high].into_iter(), 0.0, AREA_WIDTH);
+        let ticks = axis.ticks();
+        let labelled: Vec<f64> =
+            ticks.iter().filter(|tick| tick.is_labelled).map(|tick| tick.value).collect();
+        assert!((1..=9).contains(&labelled.len()), "{low} to {high}: {labelled:?}");
+        let places: Vec<f64> = labelled.iter().map(|&value| axis.position(value)).collect();
+        assert!(places.windows(2).all(|pair| pair[1] - pair[0] >= 28.0), "{low} to {high}: {labelled:?}");
     }
 }
 
@@ -145,6 +162,62 @@ fn axes_of_one_label_have_one_range() {
     let lines: Vec<_> = elements(&document, "polyline").into_iter().map(points).collect();
     let ((x, y), (x_beside, y_beside)) = (lines[0][1], lines[1][0]);
     assert!((x_beside - x - (LEFT + AREA_WIDTH + RIGHT)).abs() < 0.011 && y < y_beside - 100.0);
+}
+
+#[test]
+fn rings_stand_about_their_points() {
+    let points = [(1.0, 1.0), (2.0, 2.0), (4.0, 8.0)];
+    let rings = vec![(2.0, 2.0), (0.0, 1.0), (1.0, f64::NAN)];
+    let svg = plot(vec![Panel { rings, ..panel(vec![series("a", &points)]) }]);
+    let document = Document::parse(&svg).unwrap();
+    let circles = elements(&document, "circle");
+    let (rings, dots): (Vec<Node>, Vec<Node>) =
+        circles.into_iter().partition(|circle| circle.attribute("fill") == Some("none"));
+    assert_eq!((rings.len(), dots.len()), (1, 4));
+    let place = |circle: Node| (number(circle, "cx"), number(circle, "cy"));
+    assert_eq!(place(rings[0]), place(dots[1]));
+}
+
+#[test]
+fn the_emphasised_series_has_the_thickest_line_in_the_legend_too_and_black_alone() {
+    let names = ["a", "b", "c", "d", "e", "f", "g", "h"];
+    let lines = names.iter().map(|name| series(name, &[(1.0, 1.0), (2.0, 2.0)])).collect();
+    let svg = plot(vec![Panel { emphasis: Some("b".into()), ..panel(lines) }]);
+    let document = Document::parse(&svg).unwrap();
+    let strokes: Vec<Node> =
+        document.descendants().filter(|node| node.has_attribute("stroke-width")).collect();
+    let widths: Vec<f64> = strokes.iter().map(|node| number(*node, "stroke-width")).collect();
+    let expected = [1.5, 3.0, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5];
+    assert_eq!(widths, [expected, expected].concat());
+    let black = strokes.iter().filter(|node| node.attribute("stroke") == Some("#000000"));
+    assert!(black.map(|node| number(*node, "stroke-width")).eq([3.0, 3.0]));
+    let looks: std::collections::BTreeSet<_> =
+        strokes.iter().map(|node| (node.attribute("stroke"), node.attribute("stroke-dasharray"))).collect();
+    assert_eq!(looks.len(), names.len());
+}
+
+#[test]
+fn parts_are_the_panels_as_they_stand_in_the_whole() {
+    let one = panel(vec![series("a", &[(1.0, 1.0), (2.0, 2.0)])]);
+    let other = panel(vec![series("<b>", &[(2.0, 2.0), (8.0, 64.0)])]);
+    let plot = Plot { title: "error".into(), panels: vec![one, other] };
+    let parts = plot.to_parts();
+    assert_eq!(parts.panels.len(), 2);
+    let whole = plot.to_svg();
+    let whole = Document::parse(&whole).unwrap();
+    let lines = elements(&whole, "polyline");
+    for (at, svg) in parts.panels.iter().enumerate() {
+        let document = Document::parse(svg).unwrap();
+        let alone = elements(&document, "polyline");
+        assert_eq!(alone[0].attribute("stroke"), lines[at].attribute("stroke"));
+        for ((x, y), (x_whole, y_whole)) in points(alone[0]).into_iter().zip(points(lines[at])) {
+            assert!((x + at as f64 * PANEL_WIDTH - x_whole).abs() < 0.011);
+            assert!((y + TITLE_HEIGHT - y_whole).abs() < 0.011);
+        }
+    }
+    let names: Vec<&str> = parts.legend.iter().map(|(_, name)| name.as_str()).collect();
+    assert_eq!(names, ["a", "<b>"]);
+    assert!(parts.legend.iter().all(|(sample, _)| Document::parse(sample).is_ok()));
 }
 
 #[test]

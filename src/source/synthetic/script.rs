@@ -171,6 +171,11 @@ impl Script {
         }
     }
 
+    /// What the frames are pictures through.
+    pub fn projection(&self) -> &Projection {
+        &self.view.projection
+    }
+
     /// Rotation from the camera frame to the world, as a configuration has to name it; the identity for lat-long
     /// pictures.
     pub fn world_from_camera(&self) -> DMat3 {

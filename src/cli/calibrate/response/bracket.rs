@@ -158,6 +158,7 @@ fn curve_panel(response: &Response) -> Panel {
         x_label: "radiance x time, relative".to_owned(),
         y_label: "code".to_owned(),
         series: vec![Series { name: "response".to_owned(), points: curve(response, CURVE_POINTS) }],
+        ..Panel::default()
     }
 }
 
@@ -182,6 +183,7 @@ fn plot(times: &[f64], fit: &BracketFit) -> Plot {
                     Series { name: "samples, RMS".to_owned(), points: points(&misfit) },
                     Series { name: "time from the pictures".to_owned(), points: points(&off) },
                 ],
+                ..Panel::default()
             },
         ],
     }

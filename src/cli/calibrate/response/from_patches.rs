@@ -195,6 +195,7 @@ fn plot(fit: &PatchFit) -> Plot {
                     series("held out", of(&[PatchUse::HeldOut])),
                     series("clipped", of(&[PatchUse::Saturated, PatchUse::BlackClipped])),
                 ],
+                ..Panel::default()
             },
             Panel {
                 title: "deviation of the luminance".to_owned(),
@@ -205,6 +206,7 @@ fn plot(fit: &PatchFit) -> Plot {
                     series("held out", off(|patch| patch.fitted_cd_m2, PatchUse::HeldOut)),
                     series("from the others", off(|patch| patch.left_out_cd_m2, PatchUse::Fitted)),
                 ],
+                ..Panel::default()
             },
         ],
     }

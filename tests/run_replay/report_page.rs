@@ -1,0 +1,154 @@
+//! `lightcast report`: its page, and what is left of it when it is interrupted.
+
+use crate::recording::{Recording, lightcast, panorama, stderr};
+use lightcast::image::write_exr;
+use roxmltree::{Document, ParsingOptions};
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Panoramas in a folder, one for each name.
+fn panoramas(folder: &Path, names: &[&str]) -> Vec<PathBuf> {
+    let write = |(time, name): (u64, &&str)| {
+        let path = folder.join(name);
+        write_exr(&path, &panorama(64, 32, time), None, false).unwrap();
+        path
+    };
+    (1..).zip(names).map(write).collect()
+}
+
+fn json(folder: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(folder.join("report.json")).unwrap()).unwrap()
+}
+
+/// The page as XML, which it has to be, and a look into it.
+fn with_page<T>(folder: &Path, look: impl FnOnce(&Document) -> T) -> T {
+    let html = fs::read_to_string(folder.join("index.html")).unwrap();
+    look(
+        &Document::parse_with_options(&html, ParsingOptions { allow_dtd: true, ..Default::default() })
+            .unwrap(),
+    )
+}
+
+#[test]
+fn the_page_has_every_input_and_beside_each_table_the_command_that_prints_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let maps = panoramas(folder.path(), &["it's <b>&.exr", "plain.exr"]);
+    let sequence = Recording::new(12);
+    fs::remove_file(sequence.configuration()).unwrap();
+    let output = folder.path().join("out/report");
+    let mut command = lightcast();
+    command
+        .arg("report")
+        .args(&maps)
+        .arg(sequence.path())
+        .args(["--lights", "16,4,16", "--output"])
+        .arg(&output);
+    let run = command.output().unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+    assert!(String::from_utf8(run.stdout).unwrap().trim_end().ends_with("out/report/index.html"));
+
+    let report = json(&output);
+    assert_eq!((&report["complete"], &report["lights"]), (&Value::Bool(true), &serde_json::json!([4, 16])));
+    let tables = with_page(&output, |page| {
+        let text: Vec<&str> = page.descendants().filter_map(|node| node.text()).collect();
+        assert!(text.iter().any(|text| text.contains("it's <b>&.exr")), "{text:?}");
+        page.descendants().filter(|node| node.has_tag_name("table")).count()
+    });
+    assert!(tables >= 4, "two maps, their means, a sequence: {tables}");
+    for name in ["maps_time.svg", "maps_lights.svg", "map_2.svg", "sequence_1.svg"] {
+        assert!(Document::parse(&fs::read_to_string(output.join(name)).unwrap()).is_ok(), "{name}");
+    }
+
+    // Errors do not depend on the machine's mood: the command prints the very figures.
+    for (table, first) in [(&report["maps"][0], "irradiance"), (&report["sequences"][0], "error")] {
+        let command = table["command"].as_str().unwrap();
+        let program = command.replacen("lightcast", env!("CARGO_BIN_EXE_lightcast"), 1);
+        let again = Command::new("sh").args(["-c", &program]).output().unwrap();
+        assert!(again.status.success(), "{command}: {}", stderr(&again));
+        let printed = String::from_utf8(again.stdout).unwrap();
+        for row in table["rows"].as_array().unwrap() {
+            let (method, lights) = (row["method"].as_str().unwrap(), row["lights"].to_string());
+            let found = printed.lines().find_map(|line| {
+                let cells: Vec<&str> = line.trim_start().strip_prefix(method)?.split_whitespace().collect();
+                (cells.first() == Some(&lights.as_str())).then(|| cells[2].trim_end_matches('*').to_owned())
+            });
+            let found: f64 = found.unwrap_or_else(|| panic!("{row} is not in\n{printed}")).parse().unwrap();
+            let expected = row[first].as_f64().unwrap();
+            assert!((found - expected).abs() <= 0.006 * expected.abs(), "{found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn ctrl_c_keeps_what_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let names: Vec<String> = (0..30).map(|number| format!("map{number}x.exr")).collect();
+    let maps = panoramas(folder.path(), &names.iter().map(String::as_str).collect::<Vec<_>>());
+    let output = folder.path().join("report");
+    let mut command = lightcast();
+    command.arg("report").args(&maps).args(["--lights", "4,64", "--output"]).arg(&output);
+    let mut child = command.spawn().unwrap();
+    let mut messages = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains("map0x.exr: measured") {
+        line.clear();
+        assert!(messages.read_line(&mut line).unwrap() > 0, "the report ended by itself");
+    }
+    let interrupt = format!("kill -INT {}", child.id());
+    assert!(Command::new("sh").args(["-c", &interrupt]).status().unwrap().success());
+    let mut rest = String::new();
+    messages.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    assert!(rest.contains("not complete"), "{rest}");
+
+    let report = json(&output);
+    let done = report["maps"].as_array().unwrap();
+    assert!((1..30).contains(&done.len()), "{}", done.len());
+    for (map, name) in done.iter().zip(&names) {
+        assert_eq!(map["name"].as_str(), Some(name.as_str()));
+        let rows = map["rows"].as_array().unwrap();
+        assert!(rows.len() >= 6 && rows.iter().all(|row| row["shadow"].is_f64()), "{map}");
+    }
+    assert_eq!(report["complete"], Value::Bool(false));
+    with_page(&output, |page| {
+        assert!(page.descendants().any(|node| node.attribute("class") == Some("notice")));
+        assert!(page.descendants().any(|node| node.has_tag_name("table")));
+    });
+    let left: Vec<_> = fs::read_dir(&output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".new")), "{left:?}");
+}
+
+#[test]
+fn the_hard_cases_are_printed_alone() {
+    let run = lightcast().args(["report", "--stability"]).output().unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+    let printed = String::from_utf8(run.stdout).unwrap();
+    assert!(printed.starts_with("hard case"), "{printed}");
+    assert!(printed.lines().count() > 20 && !printed.contains("beyond the bound"), "{printed}");
+}
+
+#[test]
+fn wrong_usage_of_the_report_is_told_before_anything_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = panoramas(folder.path(), &["sky.exr"]).remove(0);
+    let (map, missing) = (map.to_str().unwrap(), folder.path().join("missing.hdr"));
+    let (missing, below) = (missing.to_str().unwrap(), format!("{map}/report"));
+    for (arguments, code, expected) in [
+        (&["--tables", map, missing][..], 1, "missing.hdr"),
+        (&["--tables", map, "--lights", "0"], 2, "give 1 to 16384"),
+        (&["--tables", map, "--lights", "4,x"], 2, "give 1 to 16384"),
+        (&["--tables", map, "--output", "report"], 2, "--output"),
+        (&["--tables", map, "--garden", map], 2, "--hall"),
+        (&["--stability", map], 2, "--stability"),
+        (&[map, "--output", &below], 1, "the folder for the report cannot be made"),
+        (&["--tables", "--lights", "4", "nowhere/sky.####.exr"], 2, "sky.####.exr"),
+    ] {
+        let run = lightcast().arg("report").args(arguments).output().unwrap();
+        assert_eq!(run.status.code(), Some(code), "{arguments:?}: {}", stderr(&run));
+        assert!(stderr(&run).contains(expected), "{arguments:?}: {}", stderr(&run));
+        assert!(run.stdout.is_empty(), "{arguments:?}");
+    }
+}
