@@ -8,8 +8,8 @@
 //! Chosen here: regions consist of whole pixels, and a cut is the last edge that has no more than half of the energy
 //! before it; a region is as wide as its widest row, where the paper takes its middle; a dark region is cut as if it were
 //! evenly lit; the centroid is that of the light, on the sphere; for a number that is no power of two the regions with
-//! the most energy are cut once more. With the edge nearest to the half, and the width at the middle, errors are 13 to
-//! 26 % higher (geometric means over the thirteen maps of METHODS section 6, 64 and 256 lights).
+//! the most energy are cut once more. With the edge nearest to the half, and the width at the middle, errors are 10 to
+//! 22 % higher (geometric means over the thirteen maps of METHODS section 6, 64 and 256 lights).
 
 use super::Light;
 use super::rectangles::{Content, Pixels, Rectangle, divide};

@@ -15,7 +15,7 @@ const RATE_HZ: f64 = 25.0;
 const UP: [f32; 3] = [0.0, 1.0, 0.0];
 const DOWN: [f32; 3] = [0.0, -1.0, 0.0];
 
-/// Both filters on one light: what comes out for every frame `(direction, power, lost before, capture time in frames)`.
+/// Both filters on one light.
 struct Both {
     ours: LightFilter,
     plain: Option<plain_paper::Filter>,
@@ -28,7 +28,7 @@ impl Both {
         Ok(Self { ours, plain: None, filtered: LightList::default() })
     }
 
-    /// Direction and power that leave: ours, plain.
+    /// Direction and power that leave, ours and plain, when these come in at a time in frames, after `lost` lost ones.
     fn step(
         &mut self,
         direction: [f32; 3],
