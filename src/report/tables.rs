@@ -18,13 +18,16 @@ pub const OF_MAPS: [Measure; 5] = [
     Measure { key: "power_difference", name: "power off by", ranked: false },
 ];
 
-/// What is measured on sequences; motion is the angle that a light moves from one frame to the next.
-pub const OF_SEQUENCES: [Measure; 8] = [
+/// What is measured on sequences, shadows softened by the lights' spread where it does not say hard; motion is the angle
+/// that a light moves from one frame to the next.
+pub const OF_SEQUENCES: [Measure; 10] = [
     Measure { key: "error", name: "error", ranked: true },
     Measure { key: "flicker", name: "flicker", ranked: true },
     Measure { key: "motion_p99_deg", name: "motion p99, deg", ranked: true },
     Measure { key: "motion_p50_deg", name: "p50, deg", ranked: false },
     Measure { key: "motion_max_deg", name: "max, deg", ranked: false },
+    Measure { key: "error_hard", name: "hard shadows: error", ranked: false },
+    Measure { key: "flicker_hard", name: "flicker", ranked: false },
     Measure { key: "error_unfiltered", name: "unfiltered: error", ranked: false },
     Measure { key: "flicker_unfiltered", name: "flicker", ranked: false },
     Measure { key: "motion_p99_unfiltered_deg", name: "motion p99, deg", ranked: false },
@@ -87,8 +90,8 @@ pub fn of_sequence(
     for method in Method::ALL {
         for &count in counts {
             let timed = sequence.measure_lights(method, count)?;
-            let Figures { error, flicker, motion_deg: [p50, p99, max] } = timed.measured.after;
-            let before = timed.measured.before;
+            let Figures { error, flicker, motion_deg: [p50, p99, max] } = timed.measured.soft_after;
+            let (before, hard) = (timed.measured.soft_before, timed.measured.after);
             rows.push(Row {
                 method: method.name().to_owned(),
                 lights: count,
@@ -99,6 +102,8 @@ pub fn of_sequence(
                     p99,
                     p50,
                     max,
+                    hard.error,
+                    hard.flicker,
                     before.error,
                     before.flicker,
                     before.motion_deg[1],
