@@ -252,5 +252,9 @@ fn section(html: &mut String, title: &str) {
 }
 
 fn command(html: &mut String, what: &str, command: &str) {
-    let _ = writeln!(html, "<p class=\"command\"><span>{what}:</span> <code>{}</code></p>", escaped(command));
+    let _ = writeln!(
+        html,
+        "<p class=\"command\" tabindex=\"0\"><span>{what}:</span> <code>{}</code></p>",
+        escaped(command)
+    );
 }

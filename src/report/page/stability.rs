@@ -58,11 +58,16 @@ fn figures(html: &mut String, row: &Row) {
         plain.map_or("-".to_owned(), |plain| format!("{plain:.7}")),
         format!("{:.7}", figures.ours),
         format!("{:.7}", figures.reference),
-        plain.map_or("-".to_owned(), |plain| format!("{:.0e}", figures.error(plain))),
-        format!("{:.0e}", figures.error(figures.ours)),
-        format!("{bound:.0e}{unit}"),
+        plain.map_or("-".to_owned(), |plain| digit(figures.error(plain))),
+        digit(figures.error(figures.ours)),
+        digit(bound) + unit,
     ] {
         let _ = write!(html, "<td>{cell}</td>");
     }
     let _ = write!(html, "<td class=\"name\">{verdict}</td>");
+}
+
+/// One digit and a power of ten.
+fn digit(value: f64) -> String {
+    if value == 0.0 { "0".to_owned() } else { format!("{value:.0e}") }
 }
