@@ -18,7 +18,7 @@ use std::ops::Range;
 const LIMIT: f64 = 4.0;
 
 /// Up to which RMS angle about its direction a component is one source for any number of lights ...
-const LEAST_SPREAD_MAX_RAD: f64 = PI / 180.0;
+const LEAST_SPREAD_MAX_RAD: f64 = 1.25 * PI / 180.0;
 /// ... and in spreads of an even cell of the hemisphere, which is 1 / sqrt(n) for n lights: a wider source is better
 /// shared by several lights.
 const SPREAD_MAX_OF_CELL: f64 = 0.25;
