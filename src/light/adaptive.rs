@@ -167,10 +167,6 @@ impl Adaptive {
         // At most half may go, from one end of the order; the widest stand at the other.
         let spare_count = (2 * most).min(self.candidates.len() / 2);
         let (spare, rest) = self.candidates.split_at_mut(spare_count);
-        for candidate in &mut *spare {
-            candidate.distortion = loss(&self.slots, &self.site_slots, candidate.slot);
-        }
-        spare.sort_unstable_by(Candidate::order);
 
         let resting = self.slots.iter().filter(|slot| matches!(slot.role, Role::Rest(_))).count();
         let used = self.slots.len() - resting;
@@ -187,16 +183,26 @@ impl Adaptive {
             }
         }
         let fewer = used.saturating_sub(wanted).min(most).min(spare.len());
-        let (resting, spare) = spare.split_at(fewer);
-        for candidate in resting {
-            self.slots[candidate.slot].role = Role::Rest(0);
-        }
+        let least = (self.slots.len() / SLOTS_PER_LEAST_MOVE).max(2);
         // NaN, of radiances near the largest, is worth nothing.
         let is_worth = |(spare, wide): &(&Candidate, &Candidate)| {
             SPLIT_GAIN * wide.distortion > WORTH * spare.distortion
         };
+        // A cell that is as wide as most is missed as most are: where nothing has changed the losses, of which each takes
+        // a look at all sites, need not be known.
+        if fewer == 0 && spare.iter().zip(wide.clone()).take_while(is_worth).count() < least {
+            return;
+        }
+        for candidate in &mut *spare {
+            candidate.distortion = loss(&self.slots, &self.site_slots, candidate.slot);
+        }
+        spare.sort_unstable_by(Candidate::order);
+        let (resting, spare) = spare.split_at(fewer);
+        for candidate in resting {
+            self.slots[candidate.slot].role = Role::Rest(0);
+        }
         let moves = spare.iter().zip(wide).take(most).take_while(is_worth);
-        if moves.clone().count() >= (self.slots.len() / SLOTS_PER_LEAST_MOVE).max(2) {
+        if moves.clone().count() >= least {
             moves.for_each(|(spare, wide)| split(&mut self.slots, wide, spare.slot));
         }
     }

@@ -246,3 +246,67 @@ fn options_are_read_by_name_and_unknown_names_refused() {
     assert_eq!(normalised.inversion, Inversion::NormalisedRows);
     assert!(toml::from_str::<Options>("cuont = 3").unwrap_err().to_string().contains("cuont"));
 }
+
+/// How many lights are chosen for a map that stands still for 12 seconds, with the error of the last list.
+fn chosen(map: &PolarMap, error_target: f32) -> (u32, f32) {
+    let options = Options { count: 512, error_target: Some(error_target), ..Options::default() };
+    let (mut extractor, mut list) = (Extractor::new(map.shape, &options).unwrap(), LightList::default());
+    let mut map = map.clone();
+    map.stamp.frame_rate_hz = 25.0;
+    let mut last = 0;
+    for frame in 0..300 {
+        extractor.step(&map, &mut list);
+        let chosen = list.chosen_lights.unwrap();
+        // Hysteresis: settled, the number stays.
+        assert!(frame < 250 || chosen == last, "frame {frame}: {last}, {chosen}");
+        last = chosen;
+    }
+    ListError::new().measure(&mut list);
+    let lit = list.lights.iter().filter(|light| light.luminance() > 0.0).count();
+    assert!((lit as u32).abs_diff(last) <= last / 16 + 1, "{lit} of {last}");
+    (last, list.error)
+}
+
+#[test]
+fn an_overcast_sky_gets_few_lights_and_a_hall_of_lamps_many() {
+    // CIE overcast: three times as bright overhead as at the horizon.
+    let overcast = PolarMap::from_fn(SHAPE, |row, column| {
+        let y = SHAPE.pixel_direction(row, column).y as f32;
+        [(1.0 + 2.0 * y) / 3.0; 3]
+    });
+    // Lamps in rows and columns under a dim ceiling.
+    let lamps = PolarMap::from_fn(SHAPE, |row, column| {
+        let is_lamp = row % 9 < 2 && row > 8 && column % 18 < 2;
+        if is_lamp { [80.0, 70.0, 50.0] } else { [0.2, 0.2, 0.25] }
+    });
+    let (few, few_error) = chosen(&overcast, 0.003);
+    let (many, many_error) = chosen(&lamps, 0.003);
+    println!("for an error of 0.003: overcast {few} lights ({few_error}), lamps {many} ({many_error})");
+    assert!(few_error <= 0.003 && many_error <= 0.003 && 2 * few < many, "{few} {many}");
+    for (name, map) in real_maps(SHAPE) {
+        let (count, error) = chosen(&map, 0.003);
+        println!("{name}: {count} lights, error {error:.5}");
+        assert!(error <= 0.003, "{name}: {count} {error}");
+    }
+}
+
+#[test]
+fn a_number_of_lights_is_chosen_for_adaptive_lights_only() {
+    for sampler in SAMPLERS {
+        let options = Options { sampler, error_target: Some(0.01), ..Options::default() };
+        let refused = Extractor::new(SHAPE, &options).err();
+        assert_eq!(refused.is_none(), sampler == Sampler::Adaptive, "{sampler:?}");
+        let options = Options { sampler, budget_ms: Some(1.0), ..Options::default() };
+        assert_eq!(Extractor::new(SHAPE, &options).is_ok(), sampler == Sampler::Adaptive);
+    }
+    let mut list = extract(&PolarMap::black(SHAPE), 8, Sampler::Adaptive, Inversion::Bicontinuous);
+    assert_eq!(list.chosen_lights, None);
+    let options = Options { count: 100, budget_ms: Some(1.0), ..Options::default() };
+    let mut extractor = Extractor::new(SHAPE, &options).unwrap();
+    let map = PolarMap::from_fn(SHAPE, |row, _| [row as f32 + 1.0; 3]);
+    for _ in 0..12 {
+        extractor.step(&map, &mut list);
+        extractor.took(std::time::Duration::from_millis(2), 25.0);
+    }
+    assert!(list.chosen_lights.unwrap() < 60, "{:?}", list.chosen_lights);
+}

@@ -27,8 +27,8 @@ const LEAST_VECTOR: f64 = 0.1;
 ///   leaves as came in, per colour channel of the list. What clipping a light at zero would add is taken from
 ///   what other lights have above their steady level, then from the following frames.
 /// - *Direction*: the weighted sum of the first moments (luminous flux times mean direction), normalised: what is
-///   filtered then is the irradiance itself, as far as no horizon cuts it, and a light that goes out in one place and
-///   on in another never shines from between. Where moments nearly cancel or there are none, or where the options say
+///   filtered then is the irradiance itself, as far as no horizon cuts it, and where a light had no power its direction
+///   does not count. Where moments nearly cancel or there are none, or where the options say
 ///   so, the weighted sum of the unit vectors as in the paper; where these nearly cancel too (sum shorter than 0.1), the
 ///   direction at the centre tap.
 /// - *Spread*: of the flux about this direction, its motion while it is filtered counted by a third (see
@@ -267,5 +267,7 @@ fn write_row(list: &LightList, row: &mut [f32]) {
     }
 }
 
+#[cfg(test)]
+mod direction_tests;
 #[cfg(test)]
 mod tests;

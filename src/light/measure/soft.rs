@@ -113,7 +113,7 @@ mod tests {
             .map(|i| {
                 let radius = SQRT_2 * spread_rad * ((f64::from(i) + 0.5) / f64::from(count)).sqrt();
                 let (sin, cos) = (2.399_963 * f64::from(i)).sin_cos();
-                let direction = (towards + (east * cos + north * sin) * radius.tan()).normalize();
+                let direction = (towards + (east * cos + north * sin) * radius.tan()).normalize_or(towards);
                 let direction = direction.as_vec3().to_array();
                 Light { id: i as u32, direction, irradiance: [1.0 / count as f32; 3], spread_rad: 0.0 }
             })

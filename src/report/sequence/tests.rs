@@ -1,0 +1,93 @@
+use super::*;
+use crate::math::direction;
+
+/// A lamp overhead of some power, beside a still one at the side that turns by `turn_rad` a frame.
+fn list(power: f32, azimuth_rad: f64) -> LightList {
+    let light = |id, theta: f64, irradiance: f32| Light {
+        id,
+        direction: direction(theta, azimuth_rad).as_vec3().to_array(),
+        irradiance: [irradiance; 3],
+        spread_rad: 0.0,
+    };
+    let mut list = LightList::default();
+    list.lights = vec![light(0, 0.0, power), light(1, std::f64::consts::FRAC_PI_2, 0.0)];
+    list
+}
+
+fn truth(list: &LightList) -> Vec<f64> {
+    values(&Emitters::from_lights(&list.lights))
+}
+
+#[test]
+fn steady_offsets_are_error_without_flicker_and_alternating_ones_are_both() {
+    let reference: Vec<Vec<f64>> = vec![truth(&list(1.0, 0.0)); 10];
+    let mean = reference[0].iter().sum::<f64>() / 200.0;
+    let square = reference[0].iter().map(|value| value * value).sum::<f64>() / 200.0;
+    // All values scale with the power, so an offset of 10 % is 0.1 of the RMS value.
+    let tenth = 0.1 * square.sqrt() / mean;
+    let steady: Vec<LightList> = (0..10).map(|_| list(1.1, 0.0)).collect();
+    let found = figures(&steady, &reference, hard);
+    assert!((found.error / tenth - 1.0).abs() < 1e-6 && found.flicker < 1e-12, "{found:?}");
+    let alternating: Vec<LightList> =
+        (0..10).map(|t| list(if t % 2 == 0 { 1.1 } else { 0.9 }, 0.0)).collect();
+    let found = figures(&alternating, &reference, hard);
+    // Second difference of +e, -e, +e is 4 e.
+    assert!((found.error / tenth - 1.0).abs() < 1e-6, "{found:?}");
+    assert!((found.flicker / (4.0 * tenth) - 1.0).abs() < 1e-6, "{found:?}");
+}
+
+#[test]
+fn motion_is_in_degrees_a_frame_over_all_slots() {
+    let lists: Vec<LightList> = (0..10).map(|t| list(1.0, 0.02 * f64::from(t))).collect();
+    let reference: Vec<Vec<f64>> = lists.iter().map(truth).collect();
+    let [p50, p99, max] = figures(&lists, &reference, hard).motion_deg;
+    // Half the lights stand still, the others turn by 0.02 rad.
+    let turn = 0.02f64.to_degrees();
+    assert!((p50 - 0.5 * turn).abs() < 1e-4 && (p99 - turn).abs() < 1e-4 && (max - turn).abs() < 1e-4);
+}
+
+#[test]
+fn percentiles_lie_between_neighbours() {
+    let sorted = [1.0, 2.0, 4.0];
+    assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(|p| percentile(&sorted, p)), [1.0, 1.5, 2.0, 3.0, 4.0]);
+    assert_eq!((percentile(&[], 0.5), percentile(&[3.0], 0.97)), (0.0, 3.0));
+}
+
+#[test]
+fn any_maps_of_one_shape_are_a_sequence_and_black_ones_have_no_error() {
+    let shape = PolarShape::hemisphere(12, 4);
+    let maps = |count, rate, gain: f32| -> Vec<PolarMap> {
+        let frame = |t| PolarMap {
+            stamp: stamp(t, rate),
+            ..PolarMap::from_fn(shape, |row, column| [gain * (row * 7 + (column + t) % 12) as f32; 3])
+        };
+        (0..count).map(frame).collect()
+    };
+    let sequence = Sequence::from_maps(maps(12, 25.0, 1.0), || true).unwrap();
+    assert_eq!((sequence.frame_count(), sequence.is_filtered()), (12, true));
+    let few = sequence.measure_lights(Method::Persistent, 4).unwrap().measured;
+    let many = sequence.measure_lights(Method::Persistent, 32).unwrap();
+    assert!(many.time > Duration::ZERO);
+    assert!(many.measured.after.error < few.after.error, "{many:?} {few:?}");
+    // Below 19.2 Hz nothing is filtered.
+    let slow = Sequence::from_maps(maps(3, 10.0, 1.0), || true).unwrap();
+    let BeforeAndAfter { before, after, .. } = slow.measure_lights(Method::Refined, 8).unwrap().measured;
+    assert!(!slow.is_filtered() && before == after);
+    let black = Sequence::from_maps(maps(12, 25.0, 0.0), || true).unwrap();
+    let BeforeAndAfter { before, after, .. } = black.measure_lights(Method::Paper, 8).unwrap().measured;
+    assert_eq!([before.error, before.flicker, after.error, after.flicker], [0.0; 4]);
+    let refused = |maps| Sequence::from_maps(maps, || true).err().unwrap().to_string();
+    assert!(refused(maps(10, 25.0, 1.0)).contains("11th"));
+    assert!(refused(Vec::new()).contains("0 frames"));
+    let mut uneven = maps(12, 25.0, 1.0);
+    uneven[5] = PolarMap::black(PolarShape::hemisphere(6, 4));
+    assert!(refused(uneven).contains("different shapes"));
+    let interrupted = Sequence::from_maps(maps(12, 25.0, 1.0), || false);
+    assert!(interrupted.err().unwrap().to_string().contains("interrupted"));
+}
+
+#[test]
+fn maps_of_another_shape_are_refused() {
+    let error = Sequence::garden(&PolarMap::black(PolarShape::sphere(360, 180))).err().unwrap();
+    assert!(error.to_string().contains("360 x 180"), "{error}");
+}
