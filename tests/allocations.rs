@@ -165,12 +165,13 @@ impl Stage for End {
 #[derive(Clone, Copy, Debug)]
 struct Case {
     sampler: Sampler,
+    error_target: Option<f32>,
     bayer: Option<Bayer>,
 }
 
 /// Allocations of calibrate, light and filter over the frames after the warm-up.
 fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
-    let Case { sampler, bayer } = case;
+    let Case { sampler, error_target, bayer } = case;
     let shape = PolarShape::hemisphere(360, 90);
     let lens = Lens::new(LensParameters {
         width: 640,
@@ -190,7 +191,7 @@ fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
         None => FrameToPolar::new(&projection, LOOKING_UP, shape).unwrap(),
         Some(bayer) => FrameToPolar::mosaic(&projection, bayer, LOOKING_UP, shape).unwrap(),
     };
-    let options = Options { count: 300, sampler, ..Options::default() };
+    let options = Options { count: 300, sampler, error_target, ..Options::default() };
     let extractor = Extractor::new(shape, &options).unwrap();
     let filter = LightFilter::new(&FilterOptions::default()).unwrap();
 
@@ -245,10 +246,11 @@ impl Stage for Disturbed {
 
 #[test]
 fn a_frame_in_the_steady_state_allocates_nothing() {
-    let plain = |sampler| Case { sampler, bayer: None };
+    let plain = |sampler| Case { sampler, error_target: None, bayer: None };
     for case in [
         plain(Sampler::Persistent),
         plain(Sampler::Adaptive),
+        Case { error_target: Some(0.003), ..plain(Sampler::Adaptive) },
         Case { bayer: Some(Bayer::Rggb), ..plain(Sampler::Refined) },
         plain(Sampler::EqualPower),
     ] {
@@ -263,7 +265,7 @@ fn a_frame_in_the_steady_state_allocates_nothing() {
 
 #[test]
 fn one_allocation_a_frame_is_seen() {
-    let case = Case { sampler: Sampler::Adaptive, bayer: None };
+    let case = Case { sampler: Sampler::Adaptive, error_target: None, bayer: None };
     let counts = allocations(case, |taken| taken.push(vec![1]));
     assert_eq!(counts.map(|count| count.in_steps), [0, 0, FRAMES - WARM_UP]);
 }

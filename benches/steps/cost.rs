@@ -63,7 +63,7 @@ pub fn run() -> String {
     }
     let (mut step, mut filtered) = (super::chain(), LightList::default());
     let whole_ms = median_ms(|_| step(&mut filtered));
-    println!("raw 640x480 to {} filtered persistent lights: {whole_ms:.4} ms", super::LIGHTS);
+    println!("raw 640x480 to {} filtered adaptive lights: {whole_ms:.4} ms", super::LIGHTS);
     let by_pixels: Vec<_> = costs.iter().filter(|cost| cost.lights == FIXED_LIGHTS).collect();
     let by_lights: Vec<_> = costs.iter().filter(|cost| cost.pixels == 4 * FIXED_ROWS * FIXED_ROWS).collect();
     let panels = [

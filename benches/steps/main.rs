@@ -247,7 +247,7 @@ fn chain() -> impl FnMut(&mut LightList) {
 fn whole(criterion: &mut Criterion, table: &mut table::Table) {
     let (mut step, mut filtered) = (chain(), LightList::default());
     let mut group = criterion.benchmark_group("whole");
-    group.bench_function("raw 640x480 to 300 filtered persistent lights", |bencher| {
+    group.bench_function("raw 640x480 to 300 filtered adaptive lights", |bencher| {
         bencher.iter(|| step(black_box(&mut filtered)));
     });
     let (mut filter, mut after) =
@@ -270,7 +270,7 @@ fn whole(criterion: &mut Criterion, table: &mut table::Table) {
     table.row("whole", "filter of 300 lights, its error included", Some("210 lights 1 ms"), String::new());
     table.row(
         "whole",
-        "raw 640x480 to 300 filtered persistent lights",
+        "raw 640x480 to 300 filtered adaptive lights",
         Some("map to clustered lights < 5 ms"),
         format!("error {:.5}", filtered.error),
     );

@@ -50,7 +50,7 @@ pub(super) struct Arguments {
     tables: bool,
 
     /// Print the hard cases, in plain f32, here and in f64, and nothing else.
-    #[arg(long, conflicts_with_all = ["inputs", "output", "tables", "garden"])]
+    #[arg(long, conflicts_with_all = ["inputs", "output", "tables", "garden", "lights", "frames", "frame_rate"])]
     stability: bool,
 
     /// Numbers of lights, with commas between them.
@@ -63,7 +63,7 @@ pub(super) struct Arguments {
     frames: u32,
 
     /// Frames per second of sequences of panoramas; goes before what the files say.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = frame_rate)]
     frame_rate: Option<f64>,
 
     /// A panorama that is turned so that its sun walks through phi = 0: one more sequence, of 40 frames.
@@ -85,6 +85,13 @@ fn lights(text: &str) -> Result<usize, String> {
         .ok()
         .filter(|count| (1..=MAX_LIGHTS).contains(count))
         .ok_or_else(|| format!("give 1 to {MAX_LIGHTS}"))
+}
+
+fn frame_rate(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|rate: &f64| rate.is_finite() && *rate > 0.0)
+        .ok_or_else(|| "give a number above 0".to_owned())
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {

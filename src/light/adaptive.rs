@@ -3,7 +3,7 @@
 //! A slot of the list is a *site*, whose cell of the map is its light, or a *peak*, or it rests and has no power. Sites
 //! are the last frame's light directions (METHODS section 6, persistent lights): frame by frame they relax, as Lloyd's
 //! steps do. A peak that appears takes the slot of the site nearest to it, which held its light so far; where it is gone
-//! the slot is a site again, in its place. So no light is kept for what a scene may not have, and none jumps.
+//! the slot is a site again, in its place. So no light is kept for what a scene may not have.
 //!
 //! Relaxation alone ends where it began: after a cut sites crowd where there was light before. In every frame a few
 //! sites may be taken, those that would be missed least, to split the cells that gain most, if the gain is well above
@@ -45,6 +45,8 @@ pub(super) struct Adaptive {
     peaks: Peaks,
     /// How many slots are to be sites or peaks.
     wanted: usize,
+    /// How many were in the last list.
+    used: usize,
     /// Whether the slots are those of a frame that had light.
     is_seeded: bool,
     /// The directions of the slots that are sites, and those slots.
@@ -83,6 +85,7 @@ impl Adaptive {
             slots: Vec::with_capacity(count),
             peaks: Peaks::new(shape, count),
             wanted: count,
+            used: count,
             is_seeded: false,
             sites: Vec::with_capacity(count),
             site_slots: Vec::with_capacity(count),
@@ -94,6 +97,11 @@ impl Adaptive {
     /// From the next frame on, so many lights are to be used, at most as many as there are.
     pub(super) fn want(&mut self, lights: usize) {
         self.wanted = lights;
+    }
+
+    /// How many lights of the last list were used.
+    pub(super) fn used(&self) -> usize {
+        self.used
     }
 
     /// Writes the lights of the next map, one a slot. Their sum is the RGB power of the map.
@@ -126,6 +134,7 @@ impl Adaptive {
         }
         self.sites.clear();
         self.site_slots.clear();
+        self.used = self.slots.len();
         for (number, slot) in self.slots.iter_mut().enumerate() {
             match &mut slot.role {
                 Role::Site => {
@@ -135,6 +144,7 @@ impl Adaptive {
                 Role::Peak => {}
                 Role::Rest(frames) => {
                     *frames += 1;
+                    self.used -= 1;
                     slot.share = Share::default();
                 }
             }
@@ -160,7 +170,9 @@ impl Adaptive {
         self.candidates.clear();
         self.candidates.extend(self.site_slots.iter().map(|&slot| {
             let share = &self.slots[slot].share;
-            Candidate { slot, distortion: (share.luminous_flux() - share.moment.length()).max(0.0) }
+            let (flux, distortion) = (share.luminous_flux(), share.luminous_flux() - share.moment.length());
+            // Below that part of the flux it is rounding: the light of a single pixel.
+            Candidate { slot, distortion: if distortion > 1e-9 * flux { distortion } else { 0.0 } }
         }));
         self.candidates.sort_unstable_by(Candidate::order);
         let most = (self.slots.len() / SLOTS_PER_MOVE).clamp(1, MOST_MOVES);
@@ -168,8 +180,7 @@ impl Adaptive {
         let spare_count = (2 * most).min(self.candidates.len() / 2);
         let (spare, rest) = self.candidates.split_at_mut(spare_count);
 
-        let resting = self.slots.iter().filter(|slot| matches!(slot.role, Role::Rest(_))).count();
-        let used = self.slots.len() - resting;
+        let used = self.used;
         let wanted = self.wanted.min(self.slots.len());
         let mut wide = rest.iter().rev().filter(|wide| wide.distortion > 0.0);
         // What has rested comes back where more are wanted; beyond that slots rest on.
@@ -228,8 +239,9 @@ fn unit(direction: DVec3) -> [f32; 3] {
     direction.as_vec3().to_array()
 }
 
-/// Gives every peak its slot: that of the peak it was, or of the nearest site. Slots whose peak is gone become sites.
-/// `new` is scratch memory.
+/// Gives every peak its slot: that of the peak it was, or of the nearest site, or of one that rests where a single site
+/// is left, as the rest of the map needs one. There are at most an eighth as many peaks as slots. Slots whose peak is gone
+/// become sites. `new` is scratch memory.
 fn follow(slots: &mut [Slot], peaks: &[Peak], new: &mut Vec<usize>) {
     new.clear();
     // A peak has flux: one whose share is empty was not found again yet.
@@ -252,7 +264,13 @@ fn follow(slots: &mut [Slot], peaks: &[Peak], new: &mut Vec<usize>) {
         }
     }
     for peak in new.iter().map(|&number| &peaks[number]) {
-        if let Some(slot) = nearest(slots, peak.direction, |slot| slot.role == Role::Site) {
+        let site_count = slots.iter().filter(|slot| slot.role == Role::Site).count();
+        let is_eligible = |slot: &Slot| match slot.role {
+            Role::Site => site_count > 1,
+            Role::Peak => false,
+            Role::Rest(_) => site_count <= 1,
+        };
+        if let Some(slot) = nearest(slots, peak.direction, is_eligible) {
             slot.take(peak);
         }
     }

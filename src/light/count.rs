@@ -7,7 +7,9 @@ use crate::error::{Error, Result};
 
 /// A step is this part of the lights that are in use ...
 const STEPS: usize = 16;
-/// ... and of too many lights at most a half is given up at once.
+/// ... and where the error is below this part of the target, far more than a step away, up to a half is given up at once.
+/// After larger steps than needed the error overshoots until the lights that are left have settled.
+const FAR_BELOW: f64 = 0.45;
 const LEAST_KEPT: f64 = 0.5;
 
 /// From this part of the target or the budget upwards nothing is changed.
@@ -30,6 +32,10 @@ pub(super) struct Count {
     /// What the error asks for, and what the budget allows.
     wanted: usize,
     allowed: usize,
+    /// A number that was tried and was too few, and frames since the last was tried: with few lights one more or less may
+    /// leap over the dead band.
+    too_few: usize,
+    tried_age: u64,
     /// Frames since the error, and the time, were last in or above the dead band.
     calm_error: u64,
     calm_time: u64,
@@ -60,6 +66,8 @@ impl Count {
             budget_ms,
             wanted: slots,
             allowed: slots,
+            too_few: 0,
+            tried_age: u64::MAX,
             calm_error: 0,
             calm_time: 0,
         };
@@ -81,17 +89,29 @@ impl Count {
         self.wanted.min(self.allowed)
     }
 
-    /// The error of a list that uses what was chosen.
-    pub(super) fn saw_error(&mut self, error: f32, frame_rate_hz: f64) {
+    /// The error of a list that uses so many lights.
+    pub(super) fn saw_error(&mut self, error: f32, used: usize, frame_rate_hz: f64) {
         let Some(target) = self.error_target else { return };
         // What the budget does not allow is not asked for again and again.
         let (lights, ratio) = (self.lights(), f64::from(error / target));
         self.calm_error = if ratio < DEAD_BAND { self.calm_error + 1 } else { 0 };
+        self.tried_age = self.tried_age.saturating_add(1);
         if ratio > 1.0 {
-            self.wanted = more(lights, self.slots);
+            if self.tried_age <= calm_frames(frame_rate_hz) {
+                self.too_few = lights;
+            }
+            // Lights that were asked for come when they have rested; until then no more are.
+            if used >= lights {
+                self.wanted = more(lights, self.slots);
+            }
         } else if self.calm_error >= calm_frames(frame_rate_hz) {
-            self.wanted = fewer(lights, ratio, self.slots);
+            if ratio < FAR_BELOW {
+                self.too_few = 0;
+            }
+            self.wanted = fewer(lights, ratio, self.slots).max(lights.min(self.too_few + 1));
             self.calm_error = 0;
+            // After a leap the error overshoots, which says nothing.
+            self.tried_age = if ratio < FAR_BELOW { u64::MAX } else { 0 };
         }
     }
 
@@ -102,7 +122,7 @@ impl Count {
         self.calm_time = if ratio < DEAD_BAND { self.calm_time + 1 } else { 0 };
         if ratio > 1.0 {
             // Time does not fall in proportion: the map costs what it costs. One step is enough for one frame.
-            self.allowed = fewer(self.lights(), AIM * (STEPS - 1) as f64 / STEPS as f64, self.slots);
+            self.allowed = fewer(self.lights(), 1.0, self.slots);
         } else if self.calm_time >= calm_frames(frame_rate_hz) {
             self.allowed = more(self.allowed, self.slots);
             self.calm_time = 0;
@@ -120,7 +140,8 @@ fn more(lights: usize, slots: usize) -> usize {
 }
 
 fn fewer(lights: usize, ratio: f64, slots: usize) -> usize {
-    let kept = (ratio / AIM).clamp(LEAST_KEPT, (STEPS - 1) as f64 / STEPS as f64);
+    let step = (STEPS - 1) as f64 / STEPS as f64;
+    let kept = if ratio < FAR_BELOW { (ratio / AIM).max(LEAST_KEPT) } else { step };
     ((lights as f64 * kept) as usize).max(FEWEST.min(slots))
 }
 
@@ -138,7 +159,7 @@ mod tests {
             let mut count = count(Some(0.003), None);
             let mut history = Vec::new();
             for _ in 0..1000 {
-                count.saw_error(start_error / count.lights() as f32, 25.0);
+                count.saw_error(start_error / count.lights() as f32, count.lights(), 25.0);
                 history.push(count.lights());
             }
             let (last, error) = (history[999], start_error / history[999] as f32);
@@ -155,22 +176,24 @@ mod tests {
     fn a_harder_scene_gets_more_at_once_and_an_easier_one_fewer_after_a_second() {
         let mut count = count(Some(0.003), None);
         for _ in 0..500 {
-            count.saw_error(0.1 / count.lights() as f32, 25.0);
+            count.saw_error(0.1 / count.lights() as f32, count.lights(), 25.0);
         }
         let easy = count.lights();
         assert!((33..48).contains(&easy), "{easy}");
-        count.saw_error(0.3 / easy as f32, 25.0);
+        count.saw_error(0.3 / easy as f32, easy - 1, 25.0);
+        assert_eq!(count.lights(), easy);
+        count.saw_error(0.3 / easy as f32, easy, 25.0);
         assert!(count.lights() > easy);
         for _ in 0..40 {
-            count.saw_error(0.3 / count.lights() as f32, 25.0);
+            count.saw_error(0.3 / count.lights() as f32, count.lights(), 25.0);
         }
         let hard = count.lights();
         assert!((100..140).contains(&hard), "{hard}");
         for _ in 0..24 {
-            count.saw_error(0.1 / hard as f32, 25.0);
+            count.saw_error(0.1 / hard as f32, hard, 25.0);
             assert_eq!(count.lights(), hard);
         }
-        count.saw_error(0.1 / hard as f32, 25.0);
+        count.saw_error(0.1 / hard as f32, hard, 25.0);
         assert!(count.lights() < hard);
     }
 
@@ -180,7 +203,7 @@ mod tests {
         let (mut least, mut most) = (usize::MAX, 0);
         for frame in 0..2000 {
             let lights = count.lights();
-            count.saw_error(3.0 / lights as f32, 25.0);
+            count.saw_error(3.0 / lights as f32, lights, 25.0);
             // 0.4 ms and 6 us a light: 100 lights in the budget.
             count.saw_time(0.4 + 0.006 * lights as f64, 25.0);
             if frame > 200 {

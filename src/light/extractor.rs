@@ -38,13 +38,13 @@ pub enum Sampler {
     /// As persistent, with dominant peaks apart and idle lights moved to where they help. For sequences.
     #[default]
     Adaptive,
-    /// Rectangles of even energy (Debevec 2005). This and the following are for comparison: they allocate in every frame.
+    /// Rectangles of even energy (Debevec 2005). For comparison: it allocates in every frame.
     MedianCut,
-    /// Rectangles of little variance (Viriyothai and Debevec 2009).
+    /// Rectangles of little variance (Viriyothai and Debevec 2009). For comparison: it allocates in every frame.
     VarianceMinimisation,
-    /// Strata of connected pixels of alike radiance (Agarwal et al. 2003).
+    /// Strata of connected pixels of alike radiance (Agarwal et al. 2003). For comparison: it allocates in every frame.
     Structured,
-    /// Cells about relaxed sites whose number grows (Kollig and Keller 2003).
+    /// Cells about relaxed sites whose number grows (Kollig and Keller 2003). For comparison: it takes many passes.
     KolligKeller,
 }
 
@@ -175,7 +175,8 @@ impl Extractor {
         self.map_irradiance.reference(map, &mut list.reference_irradiance);
         if let Some(count) = self.chosen.as_mut().filter(|count| count.needs_error()) {
             let error = self.list_error.relative_error(&list.lights, &list.reference_irradiance);
-            count.saw_error(error, map.stamp.frame_rate_hz);
+            let used = self.adaptive.as_ref().map_or(0, Adaptive::used);
+            count.saw_error(error, used, map.stamp.frame_rate_hz);
             self.choose();
         }
     }
@@ -207,7 +208,6 @@ impl Extractor {
         assert!(map.shape == self.shape && map.pixels.len() == self.shape.len(), "the map's shape");
         list.stamp = map.stamp;
         list.filter_delay_frames = 0;
-        list.chosen_lights = self.chosen.as_ref().map(|count| count.lights() as u32);
         let (lights, seeds) = (&mut list.lights, &mut self.seeds);
         match self.sampler {
             Sampler::EqualPower => {
@@ -243,5 +243,7 @@ impl Extractor {
             }
         }
         list.power = list.sum_of_lights();
+        let used = self.adaptive.as_ref().map(|adaptive| adaptive.used() as u32);
+        list.chosen_lights = used.filter(|_| self.chosen.is_some());
     }
 }

@@ -247,18 +247,18 @@ fn options_are_read_by_name_and_unknown_names_refused() {
     assert!(toml::from_str::<Options>("cuont = 3").unwrap_err().to_string().contains("cuont"));
 }
 
-/// How many lights are chosen for a map that stands still for 12 seconds, with the error of the last list.
+/// How many lights are chosen for a map that stands still for 24 seconds, with the error of the last list.
 fn chosen(map: &PolarMap, error_target: f32) -> (u32, f32) {
     let options = Options { count: 512, error_target: Some(error_target), ..Options::default() };
     let (mut extractor, mut list) = (Extractor::new(map.shape, &options).unwrap(), LightList::default());
     let mut map = map.clone();
     map.stamp.frame_rate_hz = 25.0;
     let mut last = 0;
-    for frame in 0..300 {
+    for frame in 0..600 {
         extractor.step(&map, &mut list);
         let chosen = list.chosen_lights.unwrap();
         // Hysteresis: settled, the number stays.
-        assert!(frame < 250 || chosen == last, "frame {frame}: {last}, {chosen}");
+        assert!(frame < 500 || chosen == last, "frame {frame}: {last}, {chosen}");
         last = chosen;
     }
     ListError::new().measure(&mut list);
@@ -268,25 +268,22 @@ fn chosen(map: &PolarMap, error_target: f32) -> (u32, f32) {
 }
 
 #[test]
-fn an_overcast_sky_gets_few_lights_and_a_hall_of_lamps_many() {
-    // CIE overcast: three times as bright overhead as at the horizon.
-    let overcast = PolarMap::from_fn(SHAPE, |row, column| {
-        let y = SHAPE.pixel_direction(row, column).y as f32;
-        [(1.0 + 2.0 * y) / 3.0; 3]
-    });
-    // Lamps in rows and columns under a dim ceiling.
-    let lamps = PolarMap::from_fn(SHAPE, |row, column| {
-        let is_lamp = row % 9 < 2 && row > 8 && column % 18 < 2;
-        if is_lamp { [80.0, 70.0, 50.0] } else { [0.2, 0.2, 0.25] }
-    });
-    let (few, few_error) = chosen(&overcast, 0.003);
-    let (many, many_error) = chosen(&lamps, 0.003);
-    println!("for an error of 0.003: overcast {few} lights ({few_error}), lamps {many} ({many_error})");
-    assert!(few_error <= 0.003 && many_error <= 0.003 && 2 * few < many, "{few} {many}");
+fn as_many_lights_are_chosen_as_keep_the_error_below_the_target_and_no_more() {
+    let mut counts = Vec::new();
     for (name, map) in real_maps(SHAPE) {
-        let (count, error) = chosen(&map, 0.003);
-        println!("{name}: {count} lights, error {error:.5}");
-        assert!(error <= 0.003, "{name}: {count} {error}");
+        let [few, many] = [0.01, 0.003].map(|target| {
+            let (count, error) = chosen(&map, target);
+            println!("{name}, error below {target}: {count} of 512 lights, error {error:.5}");
+            // As few as there are for a harder target would be too many.
+            assert!(error <= target && (error > 0.3 * target || count == 4), "{name}: {count} {error}");
+            count
+        });
+        assert!(2 * few < many, "{name}: {few} {many}");
+        counts.push(many);
+    }
+    counts.sort_unstable();
+    if let [least, .., most] = counts[..] {
+        assert!(most > 2 * least, "{counts:?}");
     }
 }
 

@@ -37,7 +37,8 @@ pub struct LightList {
     /// Frames by which the filter delays the lights; 0 means that they are not filtered.
     pub filter_delay_frames: u32,
     unit: &'static str,
-    /// How many of the lights were to be used, where that is chosen frame by frame; the others have no power.
+    /// How many of the lights are used, where that is chosen frame by frame; the others have no power, or fade for the length
+    /// of the filter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chosen_lights: Option<u32>,
     /// RGB sum of the lights; before the filter also the power of the map (for equal-power lights in luminance

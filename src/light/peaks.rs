@@ -18,7 +18,7 @@ use std::ops::Range;
 const LIMIT: f64 = 4.0;
 
 /// Up to which RMS angle about its direction a component is one source for any number of lights ...
-const LEAST_SPREAD_MAX_RAD: f64 = 1.25 * PI / 180.0;
+const LEAST_SPREAD_MAX_RAD: f64 = PI / 180.0;
 /// ... and in spreads of an even cell of the hemisphere, which is 1 / sqrt(n) for n lights: a wider source is better
 /// shared by several lights.
 const SPREAD_MAX_OF_CELL: f64 = 0.25;
@@ -27,8 +27,9 @@ const SPREAD_MAX_OF_CELL: f64 = 0.25;
 const SHARES: f64 = 16.0;
 const PART_OF_POWER: f64 = 0.125;
 /// ... or it holds this many equal shares, and this part of all that the map has above the limit: the one Moon over a
-/// hazy sky, but not the lamps of a hall, which would come and go as they flicker.
-const LEAST_SHARES: f64 = 0.25;
+/// hazy sky, which may hold a thousandth of the light, but not the lamps of a hall, which would come and go as they
+/// flicker.
+const LEAST_SHARES: f64 = 1.0 / 64.0;
 const PART_OF_EXCESS: f64 = 0.5;
 
 /// By how much a peak that is known may fall short of all this, so that it does not come and go.
@@ -152,7 +153,7 @@ impl Peaks {
         }
         let flux = share.luminous_flux();
         let direction = share.moment.normalize_or(DVec3::Y);
-        if !least.allows(flux, share.moment.length(), is_known(direction)) {
+        if !least.allows(flux, share.moment.length(), || is_known(direction)) {
             self.members.truncate(first);
             return;
         }
@@ -217,10 +218,12 @@ impl Least {
     }
 
     /// Whether a component of some flux and first moment is a peak. NaN, of radiances near the largest, is none.
-    fn allows(&self, flux: f64, moment: f64, is_known: bool) -> bool {
-        let (least_flux, cos_spread) =
-            if is_known { (self.known_flux(), self.cos_known_spread) } else { (self.flux, self.cos_spread) };
-        flux > 0.0 && flux >= least_flux && moment >= cos_spread * flux
+    fn allows(&self, flux: f64, moment: f64, is_known: impl FnOnce() -> bool) -> bool {
+        let is = |least_flux: f64, cos_spread: f64| {
+            flux > 0.0 && flux >= least_flux && moment >= cos_spread * flux
+        };
+        // A starry sky has thousands of components that would not do in either case.
+        is(self.flux, self.cos_spread) || (is(self.known_flux(), self.cos_known_spread) && is_known())
     }
 }
 

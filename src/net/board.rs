@@ -180,6 +180,7 @@ impl Shortener {
         let short = &mut self.list;
         (short.stamp, short.filter_delay_frames, short.chosen_lights, short.power) =
             (list.stamp, list.filter_delay_frames, list.chosen_lights, list.power);
+        short.chosen_lights = short.chosen_lights.map(|chosen| chosen.min(count as u32));
         short.lights.clone_from(&self.joined);
         short.prefix_errors.clear();
         short.prefix_errors.extend(list.prefix_errors.iter().filter(|(length, _)| *length as usize <= count));

@@ -18,13 +18,16 @@ const PER_FRAME: Against = Against::Time("ms per frame");
 /// What the words mean, in the order of the page.
 const METHODS: &str = "\
 <p>Time is the median of repeated runs on one thread: from the polar map to the list of lights with its own estimate of \
-its error; for sequences with the filter besides. Of a single map the first list is judged.</p>
+its error; for sequences with the filter besides. Of a single map the first list is judged, of adaptive lights, which settle frame \
+by frame, that of the ninth frame in which the map stands still; their time is that of one frame.</p>
 <p><b>Irradiance</b>: RMS over 300 normals, relative to the mean, against the sum over all pixels of the map. \
 <b>Shadow</b> (after Gibson and Murta 2000): the same over 20 x 20 cells of ground around a sphere that rests on it. \
 <b>Glossy</b>: as irradiance with a normalised cos<sup>20</sup> lobe. <b>Own estimate</b>: the error that the list \
 carries. Panoramas and frames are averaged to hemispheres of 360 x 90 pixels.</p>
 <p>Over a sequence, <b>error</b> is the RMS over frames, 100 cells of ground and 100 normals, against the truth of every \
-frame passed through the same filter; <b>flicker</b> is the RMS of the second time difference of that error; \
+frame passed through the same filter; shadows are softened by the lights' spread, as the renderer draws them, except \
+under <b>hard shadows</b>, where every light is a direction. Adaptive lights have their directions filtered by power, \
+which is the default, the others as the paper has it. <b>Flicker</b> is the RMS of the second time difference of that error; \
 <b>motion</b> is the angle by which a light moves from one frame to the next, its 99th percentile over all lights and \
 frames (also the median, p50, and the maximum). The frames in which the filter starts are left out.</p>
 <p>Pictures are compared with those that have every pixel of the map as a light: <b>RMS</b> of linear radiance over the \

@@ -206,14 +206,14 @@ impl Sequence {
         let mut extractor = Extractor::new(self.maps[0].shape, &options)?;
         let mut filter = LightFilter::new(&method.filter())?;
         let (mut before, mut after, mut times) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut list, mut filtered) = (LightList::default(), LightList::default());
         for map in &self.maps {
-            let (mut list, mut filtered) = (LightList::default(), LightList::default());
             let start = Instant::now();
             extractor.step(map, &mut list);
             filter.step(&list, &mut filtered)?;
             times.push(start.elapsed());
-            before.push(list);
-            after.push(filtered);
+            before.push(list.clone());
+            after.push(filtered.clone());
         }
         times.sort();
         let measured = BeforeAndAfter {

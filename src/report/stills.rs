@@ -109,6 +109,11 @@ pub struct Row {
 }
 
 impl Method {
+    /// After how many frames of the same map its list is judged.
+    pub fn frames(&self) -> usize {
+        if self.sampler == Sampler::Adaptive { STILL_FRAMES } else { 1 }
+    }
+
     /// What an extractor is told.
     pub fn options(&self, count: usize) -> Options {
         Options { count, sampler: self.sampler, inversion: self.inversion, ..Options::default() }
@@ -145,8 +150,7 @@ pub fn measure_counts(
                 extractor.step(map, list);
                 list_error.measure(list);
             };
-            let frames = if method.sampler == Sampler::Adaptive { STILL_FRAMES } else { 1 };
-            (0..frames).for_each(|_| run(&mut judged));
+            (0..method.frames()).for_each(|_| run(&mut judged));
             let time = median_time(|| run(&mut list));
             let power_difference =
                 if power > 0.0 { luminance_f64(judged.sum_of_lights()) / power - 1.0 } else { 0.0 };

@@ -81,7 +81,7 @@ fn quantile(values: &mut [f64], fraction: f64) -> f64 {
 }
 
 #[test]
-fn a_cut_settles_within_the_filters_length_and_does_not_flash() {
+fn a_cut_settles_within_the_filters_length_and_flashes_little() {
     const BEFORE: usize = 12;
     const AFTER: usize = 24;
     // All of one power, so that what is brighter than the truth is no difference between the maps.
@@ -121,7 +121,7 @@ fn a_cut_settles_within_the_filters_length_and_does_not_flash() {
          median {flash:.2}, p90 {flash_p90:.2}, worst {flash_worst:.2}"
     );
     assert!(median < 1.25 && p90 < 2.0, "{median} {p90}");
-    assert!(flash_p90 < 0.25, "{flash_p90}");
+    assert!(flash_p90 < 0.2 && flash_worst < 0.5, "{flash_p90} {flash_worst}");
 }
 
 /// A sky with a lamp of 0.8 degrees (standard deviation) and some radiance.
@@ -152,7 +152,7 @@ fn a_lamp_that_appears_settles_within_the_filters_length_and_does_not_flash() {
     for radiance in [200.0, 2000.0, 30_000.0] {
         let [settled, flash] = lamp_track(|t| if t < 20 { 0.0 } else { radiance }, 20 + FILTER_LENGTH);
         println!("a lamp of {radiance} appears: error {settled:.2} of the last frame's, flash {flash:.3}");
-        assert!(settled < 1.5 && flash < 0.05, "{radiance}: {settled} {flash}");
+        assert!(settled < 1.05 && flash < 0.02, "{radiance}: {settled} {flash}");
     }
 }
 
@@ -161,7 +161,7 @@ fn a_lamp_that_goes_out_settles_within_the_filters_length_and_does_not_flash() {
     for radiance in [200.0, 2000.0, 30_000.0] {
         let [settled, flash] = lamp_track(|t| if t < 20 { radiance } else { 0.0 }, 20 + FILTER_LENGTH);
         println!("a lamp of {radiance} goes out: error {settled:.2} of the last frame's, flash {flash:.3}");
-        assert!(settled < 1.5 && flash < 0.05, "{radiance}: {settled} {flash}");
+        assert!(settled < 1.05 && flash < 0.02, "{radiance}: {settled} {flash}");
     }
 }
 
@@ -172,6 +172,6 @@ fn a_peak_that_dissolves_does_not_flash() {
         let lamp = |t: usize| radiance * (0.75f64).powi(t.saturating_sub(10) as i32) * f64::from(t < 40);
         let [settled, flash] = lamp_track(lamp, 40 + FILTER_LENGTH);
         println!("a lamp of {radiance} dissolves: error {settled:.2} of the last frame's, flash {flash:.3}");
-        assert!(settled < 1.5 && flash < 0.05, "{radiance}: {settled} {flash}");
+        assert!(settled < 1.05 && flash < 0.02, "{radiance}: {settled} {flash}");
     }
 }
