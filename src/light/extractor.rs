@@ -52,12 +52,12 @@ pub enum Sampler {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Inversion {
-    /// [`Bicontinuous`].
+    /// [`crate::sampling::Bicontinuous`].
     #[default]
     Bicontinuous,
-    /// [`Bicontinuous`] with rows normalised before they are interpolated, as the paper has it.
+    /// [`crate::sampling::Bicontinuous`] with rows normalised before they are interpolated, as the paper has it.
     NormalisedRows,
-    /// [`Standard`], the baseline.
+    /// [`crate::sampling::Standard`], the baseline.
     Standard,
 }
 

@@ -31,8 +31,8 @@ const LEAST_VECTOR: f64 = 0.1;
 ///   does not count. Where moments nearly cancel or there are none, or where the options say
 ///   so, the weighted sum of the unit vectors as in the paper; where these nearly cancel too (sum shorter than 0.1), the
 ///   direction at the centre tap.
-/// - *Spread*: of the flux about this direction, its motion while it is filtered counted by a third (see
-///   [`MOTION_SHARE`]); with the paper's directions the weighted sum of the angles, limited to [0, pi].
+/// - *Spread*: of the flux about this direction, its motion while it is filtered counted by a third; with
+///   the paper's directions the weighted sum of the angles, limited to [0, pi].
 ///
 /// The filter starts with a history full of the first list, as if that had always been there, so lists leave from
 /// the first frame on. A list carries the stamp and the ids of the newest input and
