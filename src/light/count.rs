@@ -21,7 +21,7 @@ const AIM: f64 = 0.85;
 const CALM_S: f64 = 1.0;
 
 /// The fewest lights that are chosen.
-pub(super) const FEWEST: usize = 4;
+const FEWEST: usize = 4;
 
 /// Chooses the number of lights of the next list.
 #[derive(Clone, Debug)]

@@ -1,12 +1,14 @@
 //! From a polar map to a short list of directional lights (METHODS section 6).
 //!
 //! [`Extractor`] is the stage's algorithm: it places sites by importance sampling or takes those of the last frame,
-//! gives every pixel to its nearest site and sums the cells up to lights. Of adaptive lights dominant peaks are taken apart before.
+//! gives every pixel to its nearest site and sums the cells up to lights. Of adaptive lights dominant peaks are taken
+//! apart before.
 //! Other methods of the field have a file each, for comparison and for whoever chooses them.
 //! [`prefix`] and [`cluster`] shorten a list, [`Regions`] sort it by what a normal or a cone needs of it.
 
 mod adaptive;
 mod cluster;
+mod components;
 mod count;
 mod equal_power;
 pub mod error;

@@ -6,6 +6,7 @@
 //! Giving away whole pixels instead would move the light by jumps as pixels cross the limit: on the Moon behind passing
 //! cloud, over 0.5-degree pixels, up to 0.13 degrees instead of 0.03.
 
+use super::components::collect;
 use super::refine::Share;
 use crate::image::{PolarMap, PolarShape, luminance, luminance_f64};
 use crate::math::angle_between;
@@ -146,7 +147,9 @@ impl Peaks {
         is_known: &impl Fn(DVec3) -> bool,
     ) {
         let first = self.members.len();
-        self.collect(start);
+        self.is_open[start] = false;
+        let close = |pixel: usize| std::mem::replace(&mut self.is_open[pixel], false);
+        collect(self.shape, start, close, &mut self.stack, &mut self.members);
         let mut share = Share::default();
         for &index in &self.members[first..] {
             share.add(&excess_of(map, index, limit));
@@ -160,36 +163,6 @@ impl Peaks {
         let place = self.found.partition_point(|peak| peak.flux >= flux);
         self.found.insert(place, Peak { share, direction, flux, members: first..self.members.len() });
         self.found.truncate(self.most);
-    }
-
-    /// Appends to `members` the open pixels that hang together with `start` (eight neighbours), and closes them. The
-    /// map is closed in azimuth, and all pixels at a pole touch each other.
-    fn collect(&mut self, start: usize) {
-        let PolarShape { columns, rows, theta_max_rad } = self.shape;
-        self.stack.clear();
-        self.stack.push(start);
-        self.is_open[start] = false;
-        let mut is_pole_done = [false; 2];
-        while let Some(index) = self.stack.pop() {
-            self.members.push(index);
-            let (row, column) = (index / columns, index % columns);
-            let mut visit = |neighbour: usize| {
-                if std::mem::replace(&mut self.is_open[neighbour], false) {
-                    self.stack.push(neighbour);
-                }
-            };
-            for r in row.saturating_sub(1)..(row + 2).min(rows) {
-                for c in [column + columns - 1, column, column + 1] {
-                    visit(r * columns + c % columns);
-                }
-            }
-            let is_polar = [row == 0, row + 1 == rows && theta_max_rad >= PI];
-            for (is_polar, is_done) in is_polar.into_iter().zip(&mut is_pole_done) {
-                if is_polar && !std::mem::replace(is_done, true) {
-                    (row * columns..(row + 1) * columns).for_each(&mut visit);
-                }
-            }
-        }
     }
 }
 

@@ -15,12 +15,12 @@
 //! as not.
 
 use super::Light;
+use super::components::collect;
 use super::refine::Share;
-use crate::image::{PolarMap, PolarShape, luminance_f64};
+use crate::image::{PolarMap, luminance_f64};
 use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::f64::consts::PI;
 use std::ops::Range;
 
 const LEVEL_COUNT: usize = 6;
@@ -134,45 +134,24 @@ fn apportion(components: &[Component], count: usize) -> Vec<usize> {
     counts
 }
 
-/// The components, and their pixels one after another. Pixels hang together by eight neighbours; the map is closed in
-/// azimuth, and all pixels at a pole touch each other.
+/// The components of pixels of one level, and their pixels one after another.
 fn components(map: &PolarMap) -> (Vec<Component>, Vec<usize>) {
-    let PolarShape { columns, rows, theta_max_rad } = map.shape;
     let levels = levels(map);
     let mut is_open = vec![true; levels.len()];
     let (mut components, mut members) = (Vec::new(), Vec::with_capacity(levels.len()));
     let mut stack = Vec::new();
     for start in 0..levels.len() {
-        if !is_open[start] {
+        if !std::mem::replace(&mut is_open[start], false) {
             continue;
         }
         let (level, first) = (levels[start], members.len());
+        let close = |pixel: usize| levels[pixel] == level && std::mem::replace(&mut is_open[pixel], false);
+        collect(map.shape, start, close, &mut stack, &mut members);
         let (mut flux, mut solid_angle) = (0.0, 0.0);
-        let mut is_pole_done = [false; 2];
-        is_open[start] = false;
-        stack.push(start);
-        while let Some(index) = stack.pop() {
-            members.push(index);
-            let (row, column) = (index / columns, index % columns);
-            let of_pixel = map.shape.pixel_solid_angle(row);
+        for &index in &members[first..] {
+            let of_pixel = map.shape.pixel_solid_angle(index / map.shape.columns);
             flux += luminance(map, index) * of_pixel;
             solid_angle += of_pixel;
-            let mut visit = |neighbour: usize| {
-                if levels[neighbour] == level && std::mem::replace(&mut is_open[neighbour], false) {
-                    stack.push(neighbour);
-                }
-            };
-            for r in row.saturating_sub(1)..(row + 2).min(rows) {
-                for c in [column + columns - 1, column, column + 1] {
-                    visit(r * columns + c % columns);
-                }
-            }
-            let is_polar = [row == 0, row + 1 == rows && theta_max_rad >= PI];
-            for (is_polar, is_done) in is_polar.into_iter().zip(&mut is_pole_done) {
-                if is_polar && !std::mem::replace(is_done, true) {
-                    (row * columns..(row + 1) * columns).for_each(&mut visit);
-                }
-            }
         }
         components.push(Component {
             level,

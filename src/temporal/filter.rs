@@ -28,11 +28,10 @@ const LEAST_VECTOR: f64 = 0.1;
 ///   what other lights have above their steady level, then from the following frames.
 /// - *Direction*: the weighted sum of the first moments (luminous flux times mean direction), normalised: what is
 ///   filtered then is the irradiance itself, as far as no horizon cuts it, and where a light had no power its direction
-///   does not count. Where moments nearly cancel or there are none, or where the options say
-///   so, the weighted sum of the unit vectors as in the paper; where these nearly cancel too (sum shorter than 0.1), the
-///   direction at the centre tap.
-/// - *Spread*: of the flux about this direction, its motion while it is filtered counted by a third; with
-///   the paper's directions the weighted sum of the angles, limited to [0, pi].
+///   does not count. Where moments nearly cancel or there are none, or where the options say so, the weighted sum of the
+///   unit vectors as in the paper; where these nearly cancel too (sum shorter than 0.1), the direction at the centre tap.
+/// - *Spread*: of the flux about this direction, its motion while it is filtered counted by a third; with the
+///   paper's directions the weighted sum of the angles, limited to [0, pi].
 ///
 /// The filter starts with a history full of the first list, as if that had always been there, so lists leave from
 /// the first frame on. A list carries the stamp and the ids of the newest input and
@@ -164,20 +163,18 @@ impl LightFilter {
         }
         let by_power = self.options.directions == Directions::ByPower;
         let centre = tracks(self.taps.order() / 2);
-        for ((light, sums), centre) in filtered.lights.iter_mut().zip(&self.sums).zip(centre) {
-            let length = sums.unit.length();
-            light.direction = if length >= LEAST_VECTOR {
-                (sums.unit / length).as_vec3().to_array()
-            } else {
-                [centre[0], centre[1], centre[2]]
-            };
-            light.spread_rad = sums.spread_rad.clamp(0.0, PI) as f32;
-        }
-        if !by_power {
-            return;
-        }
         for (slot, (light, sums)) in filtered.lights.iter_mut().zip(&self.sums).enumerate() {
-            let Some(direction) = sums.direction() else { continue };
+            let Some(direction) = sums.direction().filter(|_| by_power) else {
+                let length = sums.unit.length();
+                light.direction = if length >= LEAST_VECTOR {
+                    (sums.unit / length).as_vec3().to_array()
+                } else {
+                    let [x, y, z, ..] = centre[slot];
+                    [x, y, z]
+                };
+                light.spread_rad = sums.spread_rad.clamp(0.0, PI) as f32;
+                continue;
+            };
             light.direction = direction.as_vec3().to_array();
             let about = DVec3::from(light.direction.map(f64::from));
             let taps = self.taps.as_slice().iter().enumerate();
