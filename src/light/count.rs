@@ -1,24 +1,24 @@
 //! How many lights a scene needs: as many as keep the error below a target, within a budget of time.
 //!
 //! Both are regulated one step at a time with a dead band, so that a scene that stands still keeps its number: what
-//! overshoots is answered in the next frame, what has become too much is given up after a second of calm.
+//! overshoots is answered in the next frame, what has become too much is given up after half a second of calm, or sooner where
+//! it is far too much.
 
 use crate::error::{Error, Result};
 
-/// A step is this part of the lights that are in use ...
+/// A step is this part of the lights that are in use. Larger ones the lights that are left would not make up for at once.
 const STEPS: usize = 16;
-/// ... and where the error is below this part of the target, far more than a step away, up to a half is given up at once.
-/// After larger steps than needed the error overshoots until the lights that are left have settled.
-const FAR_BELOW: f64 = 0.45;
-const LEAST_KEPT: f64 = 0.5;
 
-/// From this part of the target or the budget upwards nothing is changed.
-const DEAD_BAND: f64 = 0.7;
-/// Where in the dead band a change is to end: with n lights the error goes as 1 / n or faster.
-const AIM: f64 = 0.85;
+/// From this part of the target or the budget upwards nothing is changed: for two steps, and for a time that swings.
+const DEAD_BAND: f64 = 0.85;
+const TIME_DEAD_BAND: f64 = 0.7;
+/// Below this part of the target, which is many steps away, the lights that are left need not be waited for longer
+/// than they take to settle.
+const FAR_BELOW: f64 = 0.6;
+const SETTLE_S: f64 = 0.2;
 
-/// How long it must have been calm before there may be fewer lights, or more within the budget.
-const CALM_S: f64 = 1.0;
+/// How long it must have been calm else before there may be fewer lights, or more within the budget.
+const CALM_S: f64 = 0.5;
 
 /// The fewest lights that are chosen.
 const FEWEST: usize = 4;
@@ -32,10 +32,15 @@ pub(super) struct Count {
     /// What the error asks for, and what the budget allows.
     wanted: usize,
     allowed: usize,
-    /// A number that was tried and was too few, and frames since the last was tried: with few lights one more or less may
-    /// leap over the dead band.
+    /// A number that was tried and was too few: one light more or less may leap over the dead band, as where each lamp of a
+    /// hall has one.
     too_few: usize,
+    /// Part of the target that the error was, and frames since, when lights were last given up.
+    ratio_before: f64,
     tried_age: u64,
+    /// Whether the error was above the target in the last frame, because of that.
+    is_above: bool,
+    is_too_few: bool,
     /// Frames since the error, and the time, were last in or above the dead band.
     calm_error: u64,
     calm_time: u64,
@@ -67,7 +72,10 @@ impl Count {
             wanted: slots,
             allowed: slots,
             too_few: 0,
+            ratio_before: 0.0,
             tried_age: u64::MAX,
+            is_above: false,
+            is_too_few: false,
             calm_error: 0,
             calm_time: 0,
         };
@@ -97,33 +105,44 @@ impl Count {
         self.calm_error = if ratio < DEAD_BAND { self.calm_error + 1 } else { 0 };
         self.tried_age = self.tried_age.saturating_add(1);
         if ratio > 1.0 {
-            if self.tried_age <= calm_frames(frame_rate_hz) {
-                self.too_few = lights;
+            if !self.is_above {
+                self.is_too_few = self.tried_age <= frames(CALM_S, frame_rate_hz);
+                if !self.is_too_few {
+                    // What was too few for an easier scene says nothing.
+                    self.too_few = 0;
+                }
+            }
+            if self.is_too_few {
+                self.too_few = used.min(lights);
             }
             // Lights that were asked for come when they have rested; until then no more are.
             if used >= lights {
                 self.wanted = more(lights, self.slots);
             }
-        } else if self.calm_error >= calm_frames(frame_rate_hz) {
-            if ratio < FAR_BELOW {
+        } else if self.calm_error >= frames(if ratio < FAR_BELOW { SETTLE_S } else { CALM_S }, frame_rate_hz)
+        {
+            // A scene that has become so much easier is another.
+            if ratio < FAR_BELOW * self.ratio_before {
                 self.too_few = 0;
             }
-            self.wanted = fewer(lights, ratio, self.slots).max(lights.min(self.too_few + 1));
+            self.wanted = fewer(lights, self.slots).max(lights.min(self.too_few + 1));
             self.calm_error = 0;
-            // After a leap the error overshoots, which says nothing.
-            self.tried_age = if ratio < FAR_BELOW { u64::MAX } else { 0 };
+            if self.wanted < lights {
+                (self.ratio_before, self.tried_age) = (ratio, 0);
+            }
         }
+        self.is_above = ratio > 1.0;
     }
 
     /// The time that making a list took.
     pub(super) fn saw_time(&mut self, time_ms: f64, frame_rate_hz: f64) {
         let Some(budget_ms) = self.budget_ms else { return };
         let ratio = time_ms / budget_ms;
-        self.calm_time = if ratio < DEAD_BAND { self.calm_time + 1 } else { 0 };
+        self.calm_time = if ratio < TIME_DEAD_BAND { self.calm_time + 1 } else { 0 };
         if ratio > 1.0 {
             // Time does not fall in proportion: the map costs what it costs. One step is enough for one frame.
-            self.allowed = fewer(self.lights(), 1.0, self.slots);
-        } else if self.calm_time >= calm_frames(frame_rate_hz) {
+            self.allowed = fewer(self.lights(), self.slots);
+        } else if self.calm_time >= frames(CALM_S, frame_rate_hz) {
             self.allowed = more(self.allowed, self.slots);
             self.calm_time = 0;
         }
@@ -131,18 +150,16 @@ impl Count {
 }
 
 /// A rate that is not known counts as one frame.
-fn calm_frames(frame_rate_hz: f64) -> u64 {
-    ((CALM_S * frame_rate_hz).ceil() as u64).max(1)
+fn frames(seconds: f64, frame_rate_hz: f64) -> u64 {
+    ((seconds * frame_rate_hz).ceil() as u64).max(1)
 }
 
 fn more(lights: usize, slots: usize) -> usize {
     (lights + (lights / STEPS).max(1)).min(slots)
 }
 
-fn fewer(lights: usize, ratio: f64, slots: usize) -> usize {
-    let step = (STEPS - 1) as f64 / STEPS as f64;
-    let kept = if ratio < FAR_BELOW { (ratio / AIM).max(LEAST_KEPT) } else { step };
-    ((lights as f64 * kept) as usize).max(FEWEST.min(slots))
+fn fewer(lights: usize, slots: usize) -> usize {
+    (lights * (STEPS - 1) / STEPS).max(FEWEST.min(slots))
 }
 
 #[cfg(test)]
@@ -166,14 +183,33 @@ mod tests {
             assert!(history[500..].iter().all(|&lights| lights == last), "{start_error}: {last}");
             // As few as there are, or as many, or in the dead band.
             assert!(
-                error <= 0.003 && (error >= 0.65 * 0.003 || last == FEWEST) || last == 256,
+                error <= 0.003 && (error >= 0.8 * 0.003 || last == FEWEST) || last == 256,
                 "{start_error}: {last} lights, error {error}"
             );
         }
     }
 
     #[test]
-    fn a_harder_scene_gets_more_at_once_and_an_easier_one_fewer_after_a_second() {
+    fn lamps_of_which_each_needs_a_light_get_one_each_and_are_not_tried_again_and_again() {
+        let error_of = |lights: usize, lamps: usize, rest: f32| {
+            if lights < lamps { 0.02 } else { rest / lights as f32 }
+        };
+        let mut count = count(Some(0.01), None);
+        // As many lamps, fewer, many; errors far below the target, further below, and less far.
+        for (lamps, rest) in [(51, 0.06), (20, 0.004), (90, 0.2)] {
+            let mut history = Vec::new();
+            for _ in 0..3000 {
+                count.saw_error(error_of(count.lights(), lamps, rest), count.lights(), 25.0);
+                history.push(count.lights());
+            }
+            let last = history[2999];
+            assert!(history[1500..].iter().all(|&lights| lights == last), "{:?}", &history[1500..]);
+            assert!((lamps..=lamps + lamps / STEPS).contains(&last), "{lamps}: {last}");
+        }
+    }
+
+    #[test]
+    fn a_harder_scene_gets_more_at_once_and_an_easier_one_fewer_after_some_calm() {
         let mut count = count(Some(0.003), None);
         for _ in 0..500 {
             count.saw_error(0.1 / count.lights() as f32, count.lights(), 25.0);
@@ -189,12 +225,16 @@ mod tests {
         }
         let hard = count.lights();
         assert!((100..140).contains(&hard), "{hard}");
-        for _ in 0..24 {
-            count.saw_error(0.1 / hard as f32, hard, 25.0);
-            assert_eq!(count.lights(), hard);
+        // Half a second if a step may be too much, a fifth if not.
+        for (error, calm_frames) in [(0.0021, 13), (0.001, 5)] {
+            let lights = count.lights();
+            for _ in 1..calm_frames {
+                count.saw_error(error, lights, 25.0);
+                assert_eq!(count.lights(), lights);
+            }
+            count.saw_error(error, lights, 25.0);
+            assert!(count.lights() < lights);
         }
-        count.saw_error(0.1 / hard as f32, hard, 25.0);
-        assert!(count.lights() < hard);
     }
 
     #[test]

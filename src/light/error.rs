@@ -12,17 +12,17 @@ use multiversion::multiversion;
 /// Normals at which irradiances are compared.
 pub const NORMAL_COUNT: usize = 300;
 /// Normals evaluated side by side.
-const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 /// Terms summed in f32 before they go to an f64 sum: so few lose less than 1e-6 of their sum.
-const TERMS_IN_F32: usize = 64;
+pub(super) const TERMS_IN_F32: usize = 64;
 
 /// Light that arrives from an angular extent about one direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contribution {
     /// Sum of flux times direction.
-    vector: [f32; 3],
+    pub(super) vector: [f32; 3],
     /// Half the width of the extent, times flux.
-    half_width: f32,
+    pub(super) half_width: f32,
     /// `1 / (2 half_width)`, 0 for a directional light.
     inverse: f32,
 }
@@ -57,6 +57,11 @@ impl NormalSphere {
             normals.chunks_exact(LANES).map(|group| std::array::from_fn(|lane| group[lane][axis])).collect()
         };
         Self { x: axis(0), y: axis(1), z: axis(2), irradiances: Vec::with_capacity(groups * LANES) }
+    }
+
+    /// The axes' coordinates of the normals, [`LANES`] at a time; after [`NORMAL_COUNT`] they are zero.
+    pub(super) fn groups(&self) -> impl Iterator<Item = [&[f32; LANES]; 3]> {
+        self.x.iter().zip(&self.y).zip(&self.z).map(|((x, y), z)| [x, y, z])
     }
 
     /// Irradiances at the [`NORMAL_COUNT`] normals.
@@ -135,17 +140,7 @@ impl ListError {
         self.contributions.extend(
             lights.map(|light| Contribution::new(Vec3::from(light.direction) * light.luminance(), 0.0)),
         );
-        let values = self.normals.irradiances(&self.contributions);
-        let (mut squares, mut total, mut light_total) = (0.0f64, 0.0f64, 0.0f64);
-        for (&value, &reference) in values.iter().zip(reference) {
-            squares += (f64::from(value) - f64::from(reference)).powi(2);
-            total += f64::from(reference);
-            light_total += f64::from(value);
-        }
-        let total = if total > 0.0 { total } else { light_total };
-        let error = if total > 0.0 { (squares * reference.len() as f64).sqrt() / total } else { 0.0 };
-        // Irradiances near the limit of f32 overflow in the sums; `min` also takes the NaN of their differences.
-        (error as f32).min(f32::MAX)
+        relative_rms(self.normals.irradiances(&self.contributions), reference)
     }
 
     /// Errors of the prefixes of 8, 16, 32, ... lights and of the whole list, as pairs of length and error.
@@ -161,6 +156,21 @@ impl ListError {
         errors.push((lights.len() as u32, self.relative_error(lights, reference)));
         self.short = short;
     }
+}
+
+/// RMS of `values - reference` relative to the mean of `reference`, or of the values where the reference is dark; 0 where
+/// both are. Never above `f32::MAX`.
+pub(super) fn relative_rms(values: &[f32], reference: &[f32]) -> f32 {
+    let (mut squares, mut total, mut value_total) = (0.0f64, 0.0f64, 0.0f64);
+    for (&value, &reference) in values.iter().zip(reference) {
+        squares += (f64::from(value) - f64::from(reference)).powi(2);
+        total += f64::from(reference);
+        value_total += f64::from(value);
+    }
+    let total = if total > 0.0 { total } else { value_total };
+    let error = if total > 0.0 { (squares * reference.len() as f64).sqrt() / total } else { 0.0 };
+    // Values near the limit of f32 overflow in the sums; `min` also takes the NaN of their differences.
+    (error as f32).min(f32::MAX)
 }
 
 #[cfg(test)]

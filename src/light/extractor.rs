@@ -1,9 +1,9 @@
 use super::adaptive::Adaptive;
 use super::count::Count;
 use super::equal_power::equal_power;
-use super::error::ListError;
 use super::kollig_keller::kollig_keller;
 use super::median_cut::median_cut;
+use super::occlusion::OcclusionError;
 use super::refine::Voronoi;
 use super::seeds::{Seeds, dampened};
 use super::structured::structured;
@@ -73,7 +73,8 @@ pub struct Options {
     pub inversion: Inversion,
     /// Steps of Lloyd's relaxation of the sample points, 0 to 100, at start-up.
     pub relaxation_steps: usize,
-    /// Use only as many of the lights as keep the relative irradiance error below this; adaptive lights only.
+    /// Use only as many of the lights as keep what walls leave of the light right to this part of it, by the measure of
+    /// `occlusion.rs`; adaptive lights only.
     pub error_target: Option<f32>,
     /// Use only as many of the lights as are made in this time, in ms a frame; adaptive lights only.
     pub budget_ms: Option<f64>,
@@ -105,7 +106,7 @@ pub struct Extractor {
     voronoi: Voronoi,
     adaptive: Option<Adaptive>,
     chosen: Option<Count>,
-    list_error: ListError,
+    occlusion_error: OcclusionError,
     map_irradiance: MapIrradiance,
 }
 
@@ -155,7 +156,7 @@ impl Extractor {
             lit: false,
             voronoi: Voronoi::new(shape, count),
             chosen,
-            list_error: ListError::new(),
+            occlusion_error: OcclusionError::new(),
             adaptive: (sampler == Sampler::Adaptive).then(|| Adaptive::new(shape, count)),
             map_irradiance: MapIrradiance::new(shape),
         })
@@ -174,7 +175,7 @@ impl Extractor {
         self.extract(map, list);
         self.map_irradiance.reference(map, &mut list.reference_irradiance);
         if let Some(count) = self.chosen.as_mut().filter(|count| count.needs_error()) {
-            let error = self.list_error.relative_error(&list.lights, &list.reference_irradiance);
+            let error = self.occlusion_error.relative_error(&list.lights, self.map_irradiance.blocks());
             let used = self.adaptive.as_ref().map_or(0, Adaptive::used);
             count.saw_error(error, used, map.stamp.frame_rate_hz);
             self.choose();

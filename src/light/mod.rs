@@ -18,6 +18,7 @@ mod list;
 pub mod measure;
 mod median_cut;
 mod nearest;
+mod occlusion;
 mod peaks;
 mod prefix;
 mod rectangles;

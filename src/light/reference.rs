@@ -89,6 +89,11 @@ impl MapIrradiance {
         reference.clear();
         reference.extend_from_slice(self.normals.irradiances(&self.contributions));
     }
+
+    /// What the last map was divided into.
+    pub(super) fn blocks(&self) -> &[Contribution] {
+        &self.contributions
+    }
 }
 
 impl Tables {

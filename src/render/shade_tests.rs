@@ -23,8 +23,8 @@ fn four_materials() -> Scene {
 }
 
 /// Shares of pixels that a comparison at the border of a shadow may turn over, and the relative difference of the
-/// others: reached are 0.0007 and 5e-4.
-const MOST_TURNED: f64 = 2e-3;
+/// others: reached are 0.0007 and 5e-4 with lavapipe, 0.0020 (ten pixels of 4,900) and 9e-4 on an NVIDIA H200.
+const MOST_TURNED: f64 = 3e-3;
 const TOLERANCE: f32 = 1e-3;
 
 #[test]
