@@ -49,8 +49,8 @@ pub fn page(document: &Document) -> String {
     head(&mut html, document);
     findings(&mut html, document);
     maps(&mut html, document);
-    sequences(&mut html, document);
     pictures(&mut html, document);
+    sequences(&mut html, document);
     for text in &document.texts {
         section(&mut html, &text.title);
         self::text(&mut html, text);
