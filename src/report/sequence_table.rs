@@ -62,28 +62,35 @@ impl Row {
     }
 }
 
-/// METHODS' own sequences, the names of the panoramas that they are made of, and what was found of them.
-const SEQUENCES: [(&str, &str, [(Method, Published); 4]); 2] = [
-    (
-        "garden",
-        "chinese_garden_1k",
-        [
+/// One of METHODS' own sequences.
+struct Scene {
+    name: &'static str,
+    /// The panorama that it is made of, without its extension.
+    panorama: &'static str,
+    published: [(Method, Published); 4],
+}
+
+const SCENES: [Scene; 2] = [
+    Scene {
+        name: "garden",
+        panorama: "chinese_garden_1k",
+        published: [
             (Method::Paper, published([0.0268, 0.0149], 18.0, [0.0298, 0.0151])),
             (Method::Refined, published([0.0012, 0.0005], 12.0, [0.0454, 0.0896])),
             (Method::Persistent, published([0.0030, 0.0070], 1.7, [0.0113, 0.0268])),
             (Method::Adaptive, published([0.0035, 0.0083], 1.5, [0.0045, 0.0119])),
         ],
-    ),
-    (
-        "hall",
-        "dancing_hall_1k",
-        [
+    },
+    Scene {
+        name: "hall",
+        panorama: "dancing_hall_1k",
+        published: [
             (Method::Paper, published([0.0343, 0.0656], 100.0, [0.0763, 0.0563])),
             (Method::Refined, published([0.0017, 0.0024], 82.0, [0.0450, 0.0458])),
             (Method::Persistent, published([0.0012, 0.0008], 1.5, [0.0011, 0.0002])),
             (Method::Adaptive, published([0.0012, 0.0009], 1.4, [0.0012, 0.0002])),
         ],
-    ),
+    },
 ];
 
 const fn published(before: [f64; 2], motion_p99_deg: f64, after: [f64; 2]) -> Published {
@@ -92,7 +99,7 @@ const fn published(before: [f64; 2], motion_p99_deg: f64, after: [f64; 2]) -> Pu
 
 /// Whether there are published figures for `sequence` made of the panorama with this name, without its extension.
 pub fn is_published(sequence: &str, panorama: &str) -> bool {
-    SEQUENCES.iter().any(|(name, of, _)| (*name, *of) == (sequence, panorama))
+    SCENES.iter().any(|scene| (scene.name, scene.panorama) == (sequence, panorama))
 }
 
 /// The rows of one of METHODS' sequences, `garden` or `hall`: figures of [`LIGHTS`] lights, those that `known` has, which
@@ -108,8 +115,8 @@ pub fn rows(
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Option<Vec<Row>>> {
     let mut rows = Vec::new();
-    for (name, _, methods) in SEQUENCES.iter().filter(|(own, ..)| *own == name) {
-        for &(method, published) in methods {
+    for scene in SCENES.iter().filter(|scene| scene.name == name) {
+        for &(method, published) in &scene.published {
             let timed = match known.iter().find(|known| (known.method, known.count) == (method, LIGHTS)) {
                 Some(known) => known.timed,
                 None => match sequence.measure(method, LIGHTS, goes_on)? {
@@ -117,7 +124,7 @@ pub fn rows(
                     None => return Ok(None),
                 },
             };
-            rows.push(Row { sequence: name, method, measured: timed.measured, published });
+            rows.push(Row { sequence: scene.name, method, measured: timed.measured, published });
         }
     }
     Ok(Some(rows))

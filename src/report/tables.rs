@@ -44,7 +44,7 @@ pub struct Origin {
 /// All methods on one map; `goes_on` is asked after every row. `None` when it says no.
 ///
 /// # Errors
-/// Those of [`stills::measure_counts`].
+/// Those of [`stills::measure`].
 pub fn of_map(
     origin: Origin,
     map: &PolarMap,
@@ -52,7 +52,7 @@ pub fn of_map(
     mut goes_on: impl FnMut() -> bool,
 ) -> Result<Option<(Table, Vec<stills::Row>)>> {
     let mut is_whole = true;
-    let measured = stills::measure_counts(map, counts, || {
+    let measured = stills::measure(map, counts, || {
         is_whole = goes_on();
         is_whole
     })?;
