@@ -10,8 +10,8 @@ use crate::render;
 
 /// What is measured of pictures.
 pub const OF_PICTURES: [Measure; 2] = [
-    Measure { key: "rms", name: "RMS / mean", ranked: true },
-    Measure { key: "flip", name: "FLIP", ranked: true },
+    Measure { key: "rms", name: "image error (RMS)", ranked: true },
+    Measure { key: "flip", name: "image error (FLIP)", ranked: true },
 ];
 
 /// Numbers of lights of the pictures unless others are asked for: powers of four, as each is a picture to be drawn.

@@ -76,7 +76,7 @@ impl<'a> Report<'a> {
     /// Whether everything was measured; false when it was interrupted, or nobody reads the tables any more.
     pub fn measure(&mut self, inputs: &mut Inputs) -> Result<bool> {
         let mut rows = Vec::new();
-        for map in &inputs.maps {
+        for (done, map) in (1..).zip(&inputs.maps) {
             let origin = self.origin_of_map(map);
             self.bar.set_message(format!("map {}", origin.name));
             let (counts, shutdown, bar) = (&self.document.lights, self.shutdown, &self.bar);
@@ -88,7 +88,8 @@ impl<'a> Report<'a> {
                 return Ok(false);
             };
             rows.extend(of_map);
-            if !self.add(table, |document| &mut document.maps)? {
+            let command = of_maps(self.arguments, inputs.maps[..done].iter());
+            if !self.add(table.lines(), |document| document.add_map(table, command))? {
                 return Ok(false);
             }
         }
@@ -123,7 +124,7 @@ impl<'a> Report<'a> {
         else {
             return Ok(false);
         };
-        let is_to_go_on = self.add(table, |document| &mut document.sequences)?;
+        let is_to_go_on = self.add(table.lines(), |document| document.sequences.push(table))?;
         if let Moving::Made(Made { name, path, .. }) = moving
             && sequence_table::is_published(name, &stem(path))
         {
@@ -137,12 +138,6 @@ impl<'a> Report<'a> {
 
     /// The means over the maps; of the thirteen that there are published figures for these too.
     fn means(&mut self, maps: &[Map], rows: &[stills::Row]) -> Result<()> {
-        if maps.len() < 2 {
-            return Ok(());
-        }
-        let command = of_maps(self.arguments, maps.iter());
-        let name = format!("geometric means over {} maps", maps.len());
-        self.document.means = Table::mean(name, command.clone(), &self.document.maps);
         let lines = self.document.means.as_ref().map(Table::lines).unwrap_or_default();
         self.show(&lines)?;
         let names: Vec<String> = maps.iter().filter_map(|map| map.path.as_deref().map(stem)).collect();
@@ -150,6 +145,7 @@ impl<'a> Report<'a> {
         if stills::are_published(&names) && lines.len() > 1 {
             let title = "Single maps beside published figures".to_owned();
             self.show(&lines)?;
+            let command = of_maps(self.arguments, maps.iter());
             self.document.texts.push(Text { title, command, lines });
         }
         self.save()
@@ -183,11 +179,11 @@ impl<'a> Report<'a> {
         Origin { name: map.name.clone(), command: of_maps(self.arguments, std::iter::once(map)) }
     }
 
-    /// Keeps a table and shows it; whether to go on.
-    pub fn add(&mut self, table: Table, place: fn(&mut Document) -> &mut Vec<Table>) -> Result<bool> {
-        self.show(&table.lines())?;
+    /// Shows a table's lines and keeps it; whether to go on.
+    pub fn add(&mut self, lines: Vec<String>, keep: impl FnOnce(&mut Document)) -> Result<bool> {
+        self.show(&lines)?;
         tracing::info!("{}: measured", self.bar.message());
-        place(&mut self.document).push(table);
+        keep(&mut self.document);
         self.save()?;
         Ok(self.goes_on())
     }

@@ -69,7 +69,7 @@ impl Drawing {
 
     /// Draws under every map; whether to go on.
     pub fn measure(mut self, report: &mut Report, maps: &[Map]) -> Result<bool> {
-        for map in maps {
+        for (done, map) in (1..).zip(maps) {
             let Origin { name, command } = report.origin_of_map(map);
             report.bar.set_message(format!("pictures under {name}"));
             let origin = Origin { name, command: with_pictures(&command) };
@@ -89,17 +89,13 @@ impl Drawing {
                 SHAPE.rows,
                 self.adapter
             );
-            if !report.add(table, |document| &mut document.pictures)? {
+            let command = with_pictures(&of_maps(report.arguments, maps[..done].iter()));
+            if !report.add(table.lines(), |document| document.add_pictures(table, command))? {
                 return Ok(false);
             }
         }
-        if maps.len() > 1 {
-            let name = format!("geometric means over pictures under {} maps", maps.len());
-            let command = with_pictures(&of_maps(report.arguments, maps.iter()));
-            report.document.picture_means = Table::mean(name, command, &report.document.pictures);
-            let lines = report.document.picture_means.as_ref().map(Table::lines).unwrap_or_default();
-            report.show(&lines)?;
-        }
+        let lines = report.document.picture_means.as_ref().map(Table::lines).unwrap_or_default();
+        report.show(&lines)?;
         Ok(report.goes_on())
     }
 }
