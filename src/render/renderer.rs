@@ -169,6 +169,11 @@ impl Renderer {
         })
     }
 
+    /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists before.
+    pub fn release_shadow_maps(&mut self) {
+        self.sets.update(&[], &self.options);
+    }
+
     /// Draws a frame: the mean of `samples` pictures from slightly different points of each pixel.
     ///
     /// # Errors

@@ -20,12 +20,17 @@ pub const COUNTS: [usize; 4] = [4, 16, 64, 256];
 /// Size of the maps: the reference has a light for every pixel.
 pub const SHAPE: PolarShape = PolarShape::hemisphere(120, 30);
 
+/// Columns and rows of the pictures.
+pub const SIZE: [u32; 2] = [160, 120];
+
 /// The most lights of a picture, each of which has a shadow map.
 pub const MOST_LIGHTS: usize = pictures::COUNTS[pictures::COUNTS.len() - 1];
 
-/// Settings of the pictures: 160 x 120 pixels, a shadow map for every light.
-pub fn options() -> render::Options {
-    pictures::options([160, 120], MOST_LIGHTS)
+/// Settings of pictures of at most so many lights, a shadow map for every one, and at least 256: the reference is drawn in
+/// passes of so many. No more than that: a driver in software clears all of them for every picture, and some versions of
+/// Mesa's never give back memory that grows with their number.
+pub fn options(lights: usize) -> render::Options {
+    pictures::options(SIZE, lights.max(256))
 }
 
 /// All methods with so many lights, at most [`MOST_LIGHTS`]. `goes_on` is asked after every picture and while the

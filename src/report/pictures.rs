@@ -129,8 +129,7 @@ impl Pictures {
     /// Those of the device.
     pub fn errors(&mut self, list: &LightList) -> Result<(f64, f64)> {
         let Timed { renderer, camera, .. } = &mut self.timed;
-        // Takes all shadow maps back: which lights own them would depend on the lists before.
-        renderer.draw(&[], camera, 1)?;
+        renderer.release_shadow_maps();
         renderer.draw(&list.lights, camera, 1)?;
         self.compare()
     }

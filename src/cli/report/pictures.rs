@@ -7,7 +7,7 @@ use super::making::Report;
 use crate::error::Result;
 use crate::gpu::{Backend, Gpu};
 use crate::report::frame_time::{heading, is_in_software};
-use crate::report::picture_tables::{self, MOST_LIGHTS, SHAPE, of_map, options};
+use crate::report::picture_tables::{self, MOST_LIGHTS, SHAPE, SIZE, of_map, options};
 use crate::report::pictures::Pictures;
 use crate::report::stills::METHODS;
 use crate::report::table::Table;
@@ -58,7 +58,8 @@ impl Drawing {
             return Ok(None);
         }
         report.document.machine.adapter = Some(adapter.clone());
-        let pictures = Pictures::new(gpu, Scene::built_in(), &options())?;
+        let most = counts.iter().copied().max().unwrap_or(MOST_LIGHTS);
+        let pictures = Pictures::new(gpu, Scene::built_in(), &options(most))?;
         Ok(Some(Self { pictures, adapter, counts }))
     }
 
@@ -83,11 +84,7 @@ impl Drawing {
             table.notes = format!(
                 "The built-in scene in {} x {} pixels, maps of {} x {}, at most {MOST_LIGHTS} lights; drawn by {}. The time is \
                  that of the lights, not of the picture.",
-                options().width_px,
-                options().height_px,
-                SHAPE.columns,
-                SHAPE.rows,
-                self.adapter
+                SIZE[0], SIZE[1], SHAPE.columns, SHAPE.rows, self.adapter
             );
             let command = with_pictures(&of_maps(report.arguments, maps[..done].iter()));
             if !report.add(table.lines(), |document| document.add_pictures(table, command))? {
