@@ -104,8 +104,8 @@ fn released_shadow_maps_go_to_the_lights_of_most_power() {
     let Some(mut renderer) = renderer(sphere_on_ground(Material::lambert([0.5; 3])), &options) else {
         return;
     };
-    let (east, west) = (Vec3::new(1.0, 1.0, 0.0), Vec3::new(-1.0, 1.0, 0.0));
-    let lights = |of_west: f32| [light(0, east.normalize(), 1.0), light(1, west.normalize(), of_west)];
+    let (east, west) = (Vec3::new(0.6, 0.8, 0.0), Vec3::new(-0.6, 0.8, 0.0));
+    let lights = |of_west: f32| [light(0, east, 1.0), light(1, west, of_west)];
     let mut drawn = |lights: &[Light], is_released: bool| {
         if is_released {
             renderer.release_shadow_maps();
