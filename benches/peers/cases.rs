@@ -3,6 +3,7 @@
 use crate::arrays::{numbers, save};
 use crate::camera::Camera;
 use crate::distribution::{Distribution, Inversion, Part, sampling};
+use crate::stream::read as read_words;
 use lightcast::image::{Frame, Pixels, PolarShape, read, write_exr};
 use lightcast::sampling::halton;
 use lightcast::temporal::{FilterOptions, design};
@@ -120,7 +121,7 @@ pub fn prepare(case: Case) -> Result<(Option<usize>, Work)> {
         }
         Case::Stream { bytes } => {
             let words = vec![1u64; bytes / 8];
-            repeated(move || Ok(stream(black_box(&words))))
+            repeated(move || Ok(read_words(black_box(&words))))
         }
     };
     Ok((None, work))
@@ -128,15 +129,4 @@ pub fn prepare(case: Case) -> Result<(Option<usize>, Work)> {
 
 pub fn repeated<T: 'static>(mut step: impl FnMut() -> Result<T> + 'static) -> Work {
     Box::new(move || step().map(|result| drop(black_box(result))))
-}
-
-/// Reads every word once, eight sums side by side: what memory gives.
-fn stream(words: &[u64]) -> [u64; 8] {
-    let mut sums = [0u64; 8];
-    for chunk in words.as_chunks::<8>().0 {
-        for lane in 0..8 {
-            sums[lane] = sums[lane].wrapping_add(chunk[lane]);
-        }
-    }
-    sums
 }

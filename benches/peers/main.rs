@@ -11,6 +11,8 @@ mod arrays;
 mod camera;
 mod cases;
 mod distribution;
+#[path = "../steps/stream.rs"]
+mod stream;
 
 use cases::{Case, Work, prepare};
 use rustix::time::{ClockId, clock_gettime};

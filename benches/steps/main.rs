@@ -7,6 +7,7 @@
 
 mod cost;
 mod scene;
+mod stream;
 mod table;
 
 use criterion::{BatchSize, Criterion};
@@ -85,7 +86,7 @@ fn calibrate(
         bencher.iter(|| matrix.apply(black_box(&frame), &response, &mut map).expect("frames match"));
     });
     group.bench_function(format!("{name}, reading only"), |bencher| {
-        bencher.iter(|| scene::read(black_box(&words)));
+        bencher.iter(|| stream::read(black_box(&words)));
     });
     group.finish();
     let published = (shape.columns == 360).then_some("grab and map < 1 ms");

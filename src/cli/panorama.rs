@@ -15,6 +15,11 @@ pub(super) fn map_shape(resolution: Option<Resolution>, is_hemisphere: bool) -> 
 /// Reads a lat-long panorama of the whole sphere and averages it by area to a polar map. Pixels without a usable
 /// value count as black; a message says how many.
 pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> {
+    Ok(read_panorama_as(path, &[shape])?.swap_remove(0))
+}
+
+/// [`read_panorama`] for maps of several shapes of one panorama.
+pub(super) fn read_panorama_as(path: &Path, shapes: &[PolarShape]) -> Result<Vec<PolarMap>> {
     let mut frame = Frame::default();
     let attributes = image::read(path, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
     if matches!(frame.pixels, Pixels::Codes(_)) {
@@ -28,15 +33,21 @@ pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> 
     }
     let projection =
         Projection::LatLong { width: frame.width, height: frame.height, centres: attributes.latlong_centres };
-    // First, because it refuses shapes that no memory holds.
-    let mut frame_to_polar = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?;
-    let mut map = PolarMap::black(shape);
-    let PixelCounts { nan, infinite, negative, .. } = frame_to_polar
-        .apply(&frame, &Response::default(), &mut map)
-        .map_err(|error| error.with_kind(Kind::Failed).at(path.display()))?;
+    let (response, mut counts) = (Response::default(), PixelCounts::default());
+    let mut average = |&shape: &PolarShape| {
+        // First, because it refuses shapes that no memory holds.
+        let mut frame_to_polar = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?;
+        let mut map = PolarMap::black(shape);
+        counts = frame_to_polar
+            .apply(&frame, &response, &mut map)
+            .map_err(|error| error.with_kind(Kind::Failed).at(path.display()))?;
+        Ok(map)
+    };
+    let maps = shapes.iter().map(&mut average).collect::<Result<Vec<_>>>()?;
+    let PixelCounts { nan, infinite, negative, .. } = counts;
     if nan + infinite + negative > 0 {
         let path = path.display();
         tracing::warn!("{path}: taken as black: {nan} pixels NaN, {infinite} infinite, {negative} negative");
     }
-    Ok(map)
+    Ok(maps)
 }

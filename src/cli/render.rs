@@ -249,8 +249,10 @@ fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
     if arguments.reference {
         let lights = emitters(&map);
         let bar = PROGRESS.add(bar("emitters", Some(lights.len() as u64)));
-        renderer
-            .draw_reference(&lights, &camera, samples(arguments), |done| bar.set_position(done as u64))?;
+        renderer.draw_reference(&lights, &camera, samples(arguments), |done| {
+            bar.set_position(done as u64);
+            true
+        })?;
         bar.finish_and_clear();
     } else {
         let lights = lights_of_map(arguments, renderer.scene(), &map)?;

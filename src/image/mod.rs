@@ -20,7 +20,7 @@ pub use file::{
 };
 pub use frame::{Bayer, Frame, Pixels, Stamp};
 pub use jpeg::decode_jpeg;
-pub use open_exr::{encode_map_exr, write_exr, write_recorded_exr};
+pub use open_exr::{decode_exr, encode_exr, encode_map_exr, write_exr, write_recorded_exr};
 #[cfg(feature = "april-grid")]
 pub use photograph::{GreyPicture, read_grey};
 pub use png::{encode_png8, write_png8, write_png16};

@@ -15,9 +15,9 @@ mod attribute;
 mod tests;
 mod write;
 
-pub use write::{encode_map_exr, write_exr, write_recorded_exr};
+pub use write::{encode_exr, encode_map_exr, write_exr, write_recorded_exr};
 
-use super::file::{check_size, resize, with_codes, with_radiance};
+use super::file::{check_size, guarded, resize, with_codes, with_radiance};
 use super::{Attributes, Bayer, Frame, LatLongCentres};
 use crate::error::{Error, Result};
 use exr::block::UncompressedBlock;
@@ -25,7 +25,7 @@ use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::meta::attribute::{ChannelList, Compression, EnvironmentMap, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::{MetaData, f16};
-use std::io::{Read, Seek};
+use std::io::{Cursor, Read, Seek};
 
 /// Bytes of one block (a tile, or up to 256 scan lines) that are decoded at once; the widest scan-line block of
 /// three float channels takes 50 MB.
@@ -45,6 +45,16 @@ struct Plan {
     is_codes: bool,
     bayer: Option<Bayer>,
     attributes: Attributes,
+}
+
+/// Reads an OpenEXR file in memory as [`read`](super::read) reads one.
+///
+/// # Errors
+/// Of kind [`BadFrame`](crate::error::Kind::BadFrame), as those of [`read`](super::read). `frame` is then empty (0 x 0). No
+/// content panics.
+pub fn decode_exr(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
+    frame.saturation = f32::INFINITY;
+    guarded(frame, |frame| read(Cursor::new(bytes), bytes.len() as u64, frame))
 }
 
 /// Reads the file behind `source`, which is `file_bytes` long, into `frame`.

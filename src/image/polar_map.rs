@@ -43,6 +43,15 @@ impl PolarShape {
         )
     }
 
+    /// Cosine and sine of the azimuth of every column's centre.
+    pub fn column_azimuths(&self) -> Vec<[f64; 2]> {
+        let azimuth = |column: usize| {
+            let (sin, cos) = (TAU * (column as f64 + 0.5) / self.columns as f64).sin_cos();
+            [cos, sin]
+        };
+        (0..self.columns).map(azimuth).collect()
+    }
+
     /// Number of pixels.
     pub fn len(&self) -> usize {
         self.columns * self.rows

@@ -34,9 +34,10 @@ const SPLIT_GAIN: f64 = 0.36;
 /// By how much a move must gain more than it loses.
 const WORTH: f64 = 8.0;
 
-/// How long a slot rests before it may come back elsewhere: a little more than the default filter is long, 9 frames at
-/// 25 Hz, so that no filtered light is on its way from one place to another.
-const REST_S: f64 = 0.4;
+/// How long a slot rests before it may come back elsewhere: longer than the default filter is, whatever the frame rate (a
+/// test of the room `temporal` holds it to that), so that no filtered light is on its way from one place to another. A
+/// filter with a longer delay than the default would let one cross for the rest of its length, with the power that fades.
+pub(crate) const REST_S: f64 = 0.4;
 
 /// Follows one sequence of maps.
 #[derive(Clone, Debug)]

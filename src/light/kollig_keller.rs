@@ -22,6 +22,9 @@ use std::f64::consts::PI;
 const NODES_PER_NEW_ONE: usize = 8;
 const STEPS_PER_GROWTH: usize = 8;
 const STEPS_AT_THE_END: usize = 8;
+/// Growths in a row that may leave dark cells dark: a new node beside one of two lamps may see neither, where a third of
+/// a turn further it would have had one of them.
+const VAIN_GROWTHS: usize = 4;
 
 /// Writes as many lights as there are `sites`. Their sum is the RGB power of the map.
 ///
@@ -34,17 +37,23 @@ pub(super) fn kollig_keller(
     lights: &mut Vec<Light>,
 ) {
     // One site has all pixels; its own direction matters only to a dark map.
-    let mut used = 1;
+    let (mut used, mut in_vain) = (1, 0);
     relax(voronoi, map, &mut sites[..used], lights);
-    while used < sites.len() {
-        let grown = grow(map.shape, sites, used, lights);
-        if grown == used {
+    while used < sites.len() || lights.iter().any(is_dark) {
+        let Some(grown) = grow(map.shape, sites, used, in_vain, lights) else {
             used = sites.len();
             break;
-        }
-        used = grown;
+        };
+        let dark = lights.iter().filter(|light| is_dark(light)).count();
         for _ in 0..STEPS_PER_GROWTH {
-            relax(voronoi, map, &mut sites[..used], lights);
+            relax(voronoi, map, &mut sites[..grown], lights);
+        }
+        let still_dark = lights.iter().filter(|light| is_dark(light)).count();
+        in_vain = if grown > used || still_dark < dark { 0 } else { in_vain + 1 };
+        used = grown;
+        if in_vain == VAIN_GROWTHS {
+            used = sites.len();
+            break;
         }
     }
     for _ in 0..STEPS_AT_THE_END {
@@ -60,29 +69,40 @@ fn relax(voronoi: &mut Voronoi, map: &PolarMap, sites: &mut [[f32; 3]], lights: 
     }
 }
 
+fn is_dark(light: &Light) -> bool {
+    light.luminance() == 0.0
+}
+
 /// Puts new sites, and those of dark cells, beside the sites of the cells with the highest power, and gives the number
-/// that is in use then.
-fn grow(shape: PolarShape, sites: &mut [[f32; 3]], used: usize, lights: &[Light]) -> usize {
-    let dark = lights.iter().enumerate().filter(|(_, light)| light.luminance() == 0.0);
+/// that is in use then; `None` where no cell can be split. The new ones stand by the golden angle further round than
+/// those of a growth that was in vain once less.
+fn grow(
+    shape: PolarShape,
+    sites: &mut [[f32; 3]],
+    used: usize,
+    in_vain: usize,
+    lights: &[Light],
+) -> Option<usize> {
+    let dark = lights.iter().enumerate().filter(|(_, light)| is_dark(light));
     let dark: Vec<usize> = dark.map(|(index, _)| index).collect();
     // Light of one direction has a spread of 0, exactly.
     let mut bright: Vec<&Light> =
-        lights.iter().filter(|light| light.luminance() > 0.0 && light.spread_rad > 0.0).collect();
+        lights.iter().filter(|light| !is_dark(light) && light.spread_rad > 0.0).collect();
     bright.sort_by(|a, b| b.luminance().total_cmp(&a.luminance()));
     bright.truncate(dark.len() + (used / NODES_PER_NEW_ONE).max(1));
     // Nearer than to the next pixel a new site would find nothing.
     let least_rad = 0.5 * shape.theta_max_rad / shape.rows as f64;
-    let mut grown = used;
+    let mut grown = None;
     let mut places = dark.into_iter().chain(used..sites.len());
     for light in bright {
         let Some(place) = places.next() else { break };
         let about = DVec3::from(light.direction.map(f64::from));
         let (east, north) = about.any_orthonormal_pair();
-        let (sin, cos) = ((used + place) as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();
+        let (sin, cos) = ((used + place + in_vain) as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();
         let away_rad = (0.5 * f64::from(light.spread_rad)).max(least_rad);
         let site = about * away_rad.cos() + (east * cos + north * sin) * away_rad.sin();
         sites[place] = site.as_vec3().normalize_or(glam::Vec3::Y).to_array();
-        grown = grown.max(place + 1);
+        grown = Some(grown.unwrap_or(used).max(place + 1));
     }
     grown
 }

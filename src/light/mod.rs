@@ -36,6 +36,8 @@ mod sequence_tests;
 #[cfg(test)]
 pub(crate) mod test_maps;
 
+#[cfg(test)]
+pub(crate) use adaptive::REST_S;
 pub use cluster::cluster;
 pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
 pub use list::{Light, LightList, ListFile, MOST_IRRADIANCE, MOST_POWER};

@@ -1,7 +1,7 @@
 //! Rectangles of rows and columns of a map, cut in two again and again: what median cut and variance minimisation share.
 
 use super::Light;
-use super::refine::Share;
+use super::refine::{Share, fill_up};
 use crate::image::{PolarMap, luminance_f64};
 use glam::DVec3;
 use std::cmp::Reverse;
@@ -65,19 +65,11 @@ pub(super) enum Content {
 impl<'a> Pixels<'a> {
     pub(super) fn new(map: &'a PolarMap) -> Self {
         let shape = map.shape;
-        let azimuth = |column: usize| {
-            let (sin, cos) = (TAU * (column as f64 + 0.5) / shape.columns as f64).sin_cos();
-            [cos, sin]
-        };
         let row = |row: usize| {
             let (sin, cos) = (shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64).sin_cos();
             [sin, cos, shape.pixel_solid_angle(row)]
         };
-        Self {
-            map,
-            azimuths: (0..shape.columns).map(azimuth).collect(),
-            rows: (0..shape.rows).map(row).collect(),
-        }
+        Self { map, azimuths: shape.column_azimuths(), rows: (0..shape.rows).map(row).collect() }
     }
 
     /// All of them.
@@ -153,10 +145,7 @@ impl<'a> Pixels<'a> {
             let middle = self.share(rectangle, Content::Even).light(0, [0.0, 1.0, 0.0]);
             self.share(rectangle, Content::Light).light(id as u32, middle.direction)
         }));
-        for id in lights.len()..count {
-            let direction = lights[id % rectangles.len()].direction;
-            lights.push(Light { id: id as u32, direction, irradiance: [0.0; 3], spread_rad: 0.0 });
-        }
+        fill_up(lights, count);
     }
 }
 

@@ -98,15 +98,11 @@ impl MapIrradiance {
 
 impl Tables {
     fn new(shape: PolarShape) -> Self {
-        let azimuths = (0..shape.columns).map(|column| {
-            let (sin, cos) = (TAU * (column as f64 + 0.5) / shape.columns as f64).sin_cos();
-            [cos, sin]
-        });
         let rows = (0..shape.rows).map(|row| {
             let (sin, cos) = (shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64).sin_cos();
             [cos, sin, shape.pixel_solid_angle(row)]
         });
-        Self { shape, azimuths: azimuths.collect(), rows: rows.collect() }
+        Self { shape, azimuths: shape.column_azimuths(), rows: rows.collect() }
     }
 
     /// Sums up the pixels of a block.

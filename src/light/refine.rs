@@ -9,7 +9,6 @@ use super::Light;
 use super::nearest::NearestSites;
 use crate::image::{PolarMap, PolarShape, luminance_f64};
 use glam::DVec3;
-use std::f64::consts::TAU;
 
 /// RGB flux and luminous first moment of a share.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -62,6 +61,15 @@ impl Share {
     }
 }
 
+/// Adds lights without power until there are `count`, in the directions of those that are there, at least one.
+pub(super) fn fill_up(lights: &mut Vec<Light>, count: usize) {
+    let known = lights.len();
+    for id in known..count {
+        let direction = lights[id % known].direction;
+        lights.push(Light { id: id as u32, direction, irradiance: [0.0; 3], spread_rad: 0.0 });
+    }
+}
+
 /// The cells of sites: which pixels are nearest to each, and what they hold. One pass over the map for each.
 #[derive(Clone, Debug)]
 pub(super) struct Voronoi {
@@ -76,16 +84,10 @@ pub(super) struct Voronoi {
 impl Voronoi {
     /// For maps of one shape and at most `site_count` sites.
     pub(super) fn new(shape: PolarShape, site_count: usize) -> Self {
-        let azimuths = (0..shape.columns)
-            .map(|column| {
-                let (sin, cos) = (TAU * (column as f64 + 0.5) / shape.columns as f64).sin_cos();
-                [cos, sin]
-            })
-            .collect();
         Self {
             nearest_sites: NearestSites::new(shape, site_count),
             nearest: vec![0; shape.len()],
-            azimuths,
+            azimuths: shape.column_azimuths(),
             shares: Vec::with_capacity(site_count),
         }
     }

@@ -16,7 +16,7 @@
 
 use super::Light;
 use super::components::collect;
-use super::refine::Share;
+use super::refine::{Share, fill_up};
 use crate::image::{PolarMap, luminance_f64};
 use glam::DVec3;
 use std::cmp::Reverse;
@@ -43,10 +43,7 @@ pub(super) fn structured(map: &PolarMap, count: usize, lights: &mut Vec<Light>) 
     lights.extend(
         shares.map(|(id, (share, &site))| share.light(id as u32, direction(map, site).as_vec3().to_array())),
     );
-    for id in lights.len()..count {
-        let direction = lights[id % strata.sites.len()].direction;
-        lights.push(Light { id: id as u32, direction, irradiance: [0.0; 3], spread_rad: 0.0 });
-    }
+    fill_up(lights, count);
 }
 
 /// Samples and what belongs to them.

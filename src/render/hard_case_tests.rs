@@ -192,7 +192,7 @@ fn a_lost_device_says_so() {
     renderer.gpu().device.destroy();
     let _ = renderer.gpu().device.poll(wgpu::PollType::wait_indefinitely());
     let drawn = renderer.draw(&sky(10), &camera(), 1).unwrap_err();
-    let reference = renderer.draw_reference(&sky(10), &camera(), 1, |_| {}).unwrap_err();
+    let reference = renderer.draw_reference(&sky(10), &camera(), 1, |_| true).unwrap_err();
     let radiance = renderer.read_radiance(&mut Vec::new()).unwrap_err();
     let picture = renderer.read_picture(0.0, &mut Vec::new()).unwrap_err();
     for error in [drawn, reference, radiance, picture] {

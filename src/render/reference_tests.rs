@@ -47,16 +47,30 @@ fn the_reference_is_the_sum_over_its_lights() {
         let mut sum = vec![[0.0f32; 4]; SMALL.pixels()];
         for light in &emitters {
             // Alone, as reference: one hard light with a map of its own.
-            renderer.draw_reference(&[*light], &camera(), samples, |_| {}).unwrap();
+            renderer.draw_reference(&[*light], &camera(), samples, |_| true).unwrap();
             for (sum, pixel) in sum.iter_mut().zip(radiance(&renderer)) {
                 (0..3).for_each(|channel| sum[channel] += pixel[channel]);
                 sum[3] = pixel[3];
             }
         }
         let mut progress = Vec::new();
-        renderer.draw_reference(&emitters, &camera(), samples, |done| progress.push(done)).unwrap();
+        let mut keep = |done| {
+            progress.push(done);
+            true
+        };
+        assert!(renderer.draw_reference(&emitters, &camera(), samples, &mut keep).unwrap());
         assert_eq!(progress, [4, 8, 11]);
         assert_near(&radiance(&renderer), &sum, 3e-6);
+        // Who says no after a pass gets no more of them, and the last is not in vain.
+        for (last, is_whole) in [(4, false), (8, false), (11, true)] {
+            let mut progress = Vec::new();
+            let until = |done| {
+                progress.push(done);
+                done < last
+            };
+            assert_eq!(renderer.draw_reference(&emitters, &camera(), samples, until).unwrap(), is_whole);
+            assert_eq!(progress.last(), Some(&last));
+        }
     }
 }
 
@@ -68,7 +82,7 @@ fn one_light_draws_as_its_reference() {
     let lights = &sky(4)[..];
     renderer.draw(lights, &camera(), 2).unwrap();
     let drawn = radiance(&renderer);
-    renderer.draw_reference(lights, &camera(), 2, |_| {}).unwrap();
+    renderer.draw_reference(lights, &camera(), 2, |_| true).unwrap();
     assert_near(&radiance(&renderer), &drawn, 3e-6);
 }
 
@@ -87,7 +101,7 @@ fn emission_is_counted_once_and_samples_weigh_one_in_all() {
         for lights in lights {
             renderer.draw(lights, &above, samples).unwrap();
             let drawn = radiance(&renderer);
-            renderer.draw_reference(lights, &above, samples, |_| {}).unwrap();
+            renderer.draw_reference(lights, &above, samples, |_| true).unwrap();
             for pixel in drawn.into_iter().chain(radiance(&renderer)) {
                 for (found, expected) in pixel.into_iter().zip([0.5, 0.25, 2.0, 1.0]) {
                     assert!((found - expected).abs() < 1e-6, "{samples} samples: {pixel:?}");

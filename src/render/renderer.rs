@@ -169,6 +169,11 @@ impl Renderer {
         })
     }
 
+    /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists before.
+    pub fn release_shadow_maps(&mut self) {
+        self.sets.update(&[], &self.options);
+    }
+
     /// Draws a frame: the mean of `samples` pictures from slightly different points of each pixel.
     ///
     /// # Errors
@@ -187,7 +192,8 @@ impl Renderer {
     }
 
     /// The reference: all `emitters` as lights with hard shadows and shadow maps of their own, added up over as many
-    /// passes as that takes. `progress` is called with the emitters done so far.
+    /// passes as that takes. `goes_on` is asked after every pass, with the emitters done so far; when it says no, the
+    /// picture is of those. Returns whether it is of all.
     ///
     /// # Errors
     /// Those of the device.
@@ -196,8 +202,8 @@ impl Renderer {
         emitters: &[Light],
         camera: &Camera,
         samples: u32,
-        mut progress: impl FnMut(usize),
-    ) -> Result<()> {
+        mut goes_on: impl FnMut(usize) -> bool,
+    ) -> Result<bool> {
         let batch = self.options.shadow_maps.max(1);
         let options = Options {
             lights: batch,
@@ -220,9 +226,11 @@ impl Renderer {
             }
             done += lights.len();
             self.gpu.wait()?;
-            progress(done);
+            if !goes_on(done) && done < emitters.len() {
+                return Ok(false);
+            }
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Lets the device catch up after every so many samples: a queue of thousands of passes would fill its memory.

@@ -1,6 +1,7 @@
 use super::test_scenes::*;
 use super::{Options, Renderer};
 use crate::gpu::Gpu;
+use crate::light::Light;
 use crate::scene::{Camera, Material, Scene, Shading};
 use glam::{Quat, Vec3};
 
@@ -95,4 +96,26 @@ fn a_lambertian_ground_under_one_light_is_what_lambert_says() {
     let expected = 0.5 / std::f32::consts::PI * 3.0 * direction.y;
     assert!((found / expected - 1.0).abs() < 2e-3, "{found} {expected}");
     assert_eq!(pixels[0], [0.0; 4], "the sky shows nothing");
+}
+
+#[test]
+fn released_shadow_maps_go_to_the_lights_of_most_power() {
+    let options = Options { width_px: 64, height_px: 48, shadow_maps: 1, ..SMALL };
+    let Some(mut renderer) = renderer(sphere_on_ground(Material::lambert([0.5; 3])), &options) else {
+        return;
+    };
+    let (east, west) = (Vec3::new(0.6, 0.8, 0.0), Vec3::new(-0.6, 0.8, 0.0));
+    let lights = |of_west: f32| [light(0, east, 1.0), light(1, west, of_west)];
+    let mut drawn = |lights: &[Light], is_released: bool| {
+        if is_released {
+            renderer.release_shadow_maps();
+        }
+        renderer.draw(lights, &camera(), 1).unwrap();
+        surfaces(&renderer)
+    };
+    let fresh = drawn(&lights(1.1), true);
+    drawn(&lights(0.9), true);
+    // A tenth brighter is not enough to take the only map over.
+    assert_ne!(drawn(&lights(1.1), false), fresh);
+    assert_eq!(drawn(&lights(1.1), true), fresh);
 }

@@ -43,7 +43,7 @@ fn a_device_without_a_driver_accepts_every_pipeline_and_binding() {
         for scene in [sphere_on_ground(Material::lambert([0.5; 3])), Scene::default()] {
             let mut renderer = Renderer::new(Gpu::noop(), scene, &options).unwrap();
             renderer.draw(&lights, &camera(), 2).unwrap();
-            renderer.draw_reference(&lights, &camera(), 2, |_| {}).unwrap();
+            renderer.draw_reference(&lights, &camera(), 2, |_| true).unwrap();
             let (mut pixels, mut picture) = (Vec::new(), Vec::new());
             renderer.read_radiance(&mut pixels).unwrap();
             renderer.read_picture(0.0, &mut picture).unwrap();

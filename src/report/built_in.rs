@@ -26,23 +26,40 @@ pub const MAPS: [BuiltIn; 3] = [OVERCAST, SUN, HALL];
 pub const SEQUENCES: [BuiltIn; 2] = [SUN, HALL];
 
 impl BuiltIn {
-    /// Its frames, averaged to maps of this shape, at most `limit` of them.
+    fn parsed(&self) -> Result<Script> {
+        Script::parse(&TomlText { path: self.name.into(), text: self.script.to_owned() }, None)
+    }
+
+    /// How many frames it has, and how many there are a second.
+    ///
+    /// # Errors
+    /// Those of [`Script::parse`].
+    pub fn length(&self) -> Result<(usize, f64)> {
+        let script = self.parsed()?;
+        Ok((script.frames, script.frame_rate_hz))
+    }
+
+    /// Its frames, averaged to maps of this shape, at most `limit` of them. `goes_on` is asked after every frame; when it
+    /// says no, the maps until then are all.
     ///
     /// # Errors
     /// Those of [`Script::parse`] and [`FrameToPolar::new`], for shapes that cannot be.
-    pub fn maps(&self, shape: PolarShape, limit: usize) -> Result<Vec<PolarMap>> {
-        let text = TomlText { path: self.name.into(), text: self.script.to_owned() };
-        let script = Script::parse(&text, None)?;
+    pub fn maps(&self, shape: PolarShape, limit: usize, goes_on: impl Fn() -> bool) -> Result<Vec<PolarMap>> {
+        let script = self.parsed()?;
         let frame_count = script.frames.min(limit);
         let mut frame_to_polar = FrameToPolar::new(script.projection(), script.world_from_camera(), shape)?;
         let mut source = Synthetic::new(script);
-        let mut frame = Frame::default();
+        // The frames are radiance; a response has a table all the same, so one does for all.
+        let (mut frame, response) = (Frame::default(), Response::default());
         let mut maps = Vec::with_capacity(frame_count);
         for index in 0..frame_count {
             source.render(index, &mut frame);
             let mut map = PolarMap::black(shape);
-            frame_to_polar.apply(&frame, &Response::default(), &mut map)?;
+            frame_to_polar.apply(&frame, &response, &mut map)?;
             maps.push(map);
+            if !goes_on() {
+                break;
+            }
         }
         Ok(maps)
     }
@@ -66,17 +83,23 @@ mod tests {
 
     #[test]
     fn maps_are_of_different_character() {
-        let [overcast, sun, hall] = MAPS.map(|scene| peak_share(&scene.maps(SHAPE, 1).unwrap()[0]));
+        let [overcast, sun, hall] = MAPS.map(|scene| peak_share(&scene.maps(SHAPE, 1, || true).unwrap()[0]));
         assert!(overcast < 0.04, "{overcast}");
         assert!(sun > 0.6, "{sun}");
         assert!((0.1..0.6).contains(&hall), "{hall}");
     }
 
     #[test]
+    fn who_stops_it_gets_what_is_there() {
+        assert_eq!(SEQUENCES[0].maps(SHAPE, 12, || false).unwrap().len(), 1);
+    }
+
+    #[test]
     fn sequences_move() {
         for scene in SEQUENCES {
-            let maps = scene.maps(SHAPE, 12).unwrap();
+            let maps = scene.maps(SHAPE, 12, || true).unwrap();
             assert_eq!(maps.len(), 12, "{}", scene.name);
+            assert_eq!(scene.length().unwrap(), (40, 25.0), "{}", scene.name);
             let stamps: Vec<u64> = maps.iter().map(|map| map.stamp.sequence).collect();
             assert!(stamps.is_sorted() && maps.iter().all(|map| map.stamp.frame_rate_hz == 25.0));
             assert!(maps.windows(2).all(|pair| pair[0].pixels != pair[1].pixels), "{}", scene.name);

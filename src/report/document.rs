@@ -87,6 +87,18 @@ impl Document {
         }
     }
 
+    /// Adds the table of a map; `command` prints the means over it and those before.
+    pub fn add_map(&mut self, table: Table, command: String) {
+        self.maps.push(table);
+        self.means = means("geometric means over", command, &self.maps);
+    }
+
+    /// Adds the table of the pictures under a map; `command` prints the means over them and those before.
+    pub fn add_pictures(&mut self, table: Table, command: String) {
+        self.pictures.push(table);
+        self.picture_means = means("geometric means over pictures under", command, &self.pictures);
+    }
+
     /// The table that stands for all of some: the means, or the only one.
     pub fn summary<'a>(means: &'a Option<Table>, tables: &'a [Table]) -> Option<&'a Table> {
         means.as_ref().or(tables.first())
@@ -128,6 +140,12 @@ impl Document {
     }
 }
 
+/// The means over tables of maps, for more than one.
+fn means(what: &str, command: String, tables: &[Table]) -> Option<Table> {
+    let name = format!("{what} {} maps", tables.len());
+    if tables.len() > 1 { Table::mean(name, command, tables) } else { None }
+}
+
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
@@ -143,9 +161,27 @@ pub(super) mod tests {
             ]
         };
         let mut document = Document::new("lightcast report '<b>&.hdr'".to_owned(), vec![4, 8]);
-        document.maps = vec![table("<b>&.hdr", rows(1.0)), table("dark", rows(0.0))];
-        document.means = Table::mean("means".to_owned(), "lightcast report".to_owned(), &document.maps);
+        for table in [table("<b>&.hdr", rows(1.0)), table("dark", rows(0.0))] {
+            document.add_map(table, "lightcast report".to_owned());
+        }
         document
+    }
+
+    #[test]
+    fn means_are_of_what_is_there_so_far_and_of_more_than_one() {
+        let of_map = |name| table(name, vec![row("refined", 4, 1.0, [0.1, 1.0])]);
+        let mut document = Document::new(String::new(), vec![4]);
+        let mut names = Vec::new();
+        for name in ["a", "b", "c"] {
+            document.add_pictures(of_map(name), name.to_owned());
+            let means = &document.picture_means;
+            names.push(means.as_ref().map(|means| (means.name.clone(), means.command.clone())));
+        }
+        let expected = |count: usize, command: &str| {
+            Some((format!("geometric means over pictures under {count} maps"), command.to_owned()))
+        };
+        assert_eq!(names, [None, expected(2, "b"), expected(3, "c")]);
+        assert_eq!(document.means, None);
     }
 
     #[test]

@@ -30,8 +30,8 @@ under <b>hard shadows</b>, where every light is a direction. Adaptive lights hav
 which is the default, the others as the paper has it. <b>Flicker</b> is the RMS of the second time difference of that error; \
 <b>motion</b> is the angle by which a light moves from one frame to the next, its 99th percentile over all lights and \
 frames (also the median, p50, and the maximum). The frames in which the filter starts are left out.</p>
-<p>Pictures are compared with those that have every pixel of the map as a light: <b>RMS</b> of linear radiance over the \
-pixels that show a surface, relative to their mean, and mean <b>FLIP</b> over the same.</p>";
+<p><b>Image error</b>: pictures are compared with one that has every pixel of the map as a light, by the <b>RMS</b> of linear \
+radiance over the pixels that show a surface, relative to their mean, and by the mean <b>FLIP</b> over the same.</p>";
 
 const FRONT: &str = "\
 <p>A value with a dot, and a point with a ring, is on the Pareto front: no other method with as many lights has at most \
@@ -49,8 +49,8 @@ pub fn page(document: &Document) -> String {
     head(&mut html, document);
     findings(&mut html, document);
     maps(&mut html, document);
-    sequences(&mut html, document);
     pictures(&mut html, document);
+    sequences(&mut html, document);
     for text in &document.texts {
         section(&mut html, &text.title);
         self::text(&mut html, text);

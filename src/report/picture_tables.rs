@@ -1,55 +1,62 @@
 //! Error of pictures for a report: every method of single maps, with the built-in scene.
 
 use super::pictures::{self, Pictures};
-use super::stills::{METHODS, OURS, median_time};
+use super::stills::{METHODS, OURS};
 use super::table::{Measure, Row, Table};
 use super::tables::Origin;
 use crate::error::Result;
-use crate::image::PolarMap;
-use crate::light::error::ListError;
-use crate::light::{Extractor, LightList};
+use crate::image::{PolarMap, PolarShape};
 use crate::render;
 
 /// What is measured of pictures.
 pub const OF_PICTURES: [Measure; 2] = [
-    Measure { key: "rms", name: "RMS / mean", ranked: true },
-    Measure { key: "flip", name: "FLIP", ranked: true },
+    Measure { key: "rms", name: "image error (RMS)", ranked: true },
+    Measure { key: "flip", name: "image error (FLIP)", ranked: true },
 ];
 
-/// Settings of the pictures: 160 x 120 pixels, a shadow map for every light.
-pub fn options() -> render::Options {
-    pictures::options([160, 120], pictures::COUNTS[pictures::COUNTS.len() - 1])
+/// Numbers of lights of the pictures unless others are asked for: powers of four, as each is a picture to be drawn.
+pub const COUNTS: [usize; 4] = [4, 16, 64, 256];
+
+/// Size of the maps: the reference has a light for every pixel.
+pub const SHAPE: PolarShape = PolarShape::hemisphere(120, 30);
+
+/// Columns and rows of the pictures.
+pub const SIZE: [u32; 2] = [160, 120];
+
+/// The most lights of a picture, each of which has a shadow map.
+pub const MOST_LIGHTS: usize = pictures::COUNTS[pictures::COUNTS.len() - 1];
+
+/// Settings of pictures of at most so many lights, a shadow map for every one, and at least 256: the reference is drawn in
+/// passes of so many. No more than that: a driver in software clears all of them for every picture, and some versions of
+/// Mesa's never give back memory that grows with their number.
+pub fn options(lights: usize) -> render::Options {
+    pictures::options(SIZE, lights.max(256))
 }
 
-/// All methods with those of `counts` that the renderer has shadow maps for; `goes_on` is asked after every picture.
-/// `None` when it says no.
+/// All methods with so many lights, at most [`MOST_LIGHTS`]. `goes_on` is asked after every picture and while the
+/// reference is drawn, `None` when it says no; `row_done` is called after every row.
 ///
 /// # Errors
-/// Those of the device, and of [`Extractor::new`].
+/// Those of the device, and of [`Method::timed_list`](super::stills::Method::timed_list).
 pub fn of_map(
     origin: Origin,
     pictures: &mut Pictures,
     map: &PolarMap,
     counts: &[usize],
-    mut goes_on: impl FnMut() -> bool,
+    goes_on: impl Fn() -> bool,
+    mut row_done: impl FnMut(),
 ) -> Result<Option<Table>> {
-    pictures.draw_reference(map, |_| ())?;
+    if !pictures.draw_reference(map, |_| goes_on())? {
+        return Ok(None);
+    }
     let mut rows = Vec::new();
     for method in METHODS {
-        for &count in counts.iter().filter(|&&count| count <= options().lights) {
+        for &count in counts {
             if !goes_on() {
                 return Ok(None);
             }
-            let mut extractor = Extractor::new(map.shape, &method.options(count))?;
-            let mut list_error = ListError::new();
-            let mut run = |list: &mut LightList| {
-                extractor.step(map, list);
-                list_error.measure(list);
-            };
-            let (mut judged, mut list) = (LightList::default(), LightList::default());
-            (0..method.frames()).for_each(|_| run(&mut judged));
-            let time = median_time(|| run(&mut list));
-            let (rms, flip) = pictures.errors(&judged)?;
+            let (list, time) = method.timed_list(map, count)?;
+            let (rms, flip) = pictures.errors(&list)?;
             rows.push(Row {
                 method: method.name.to_owned(),
                 lights: count,
@@ -57,6 +64,7 @@ pub fn of_map(
                 values: vec![rms, flip],
                 front: Vec::new(),
             });
+            row_done();
         }
     }
     Ok(Some(Table::new(origin.name, origin.command, &OF_PICTURES, OURS, rows)))
@@ -66,7 +74,6 @@ pub fn of_map(
 mod tests {
     use super::*;
     use crate::gpu::Gpu;
-    use crate::image::PolarShape;
     use crate::scene::Scene;
 
     #[test]
@@ -78,11 +85,17 @@ mod tests {
         });
         let mut pictures = Pictures::new(gpu, Scene::built_in(), &pictures::options([64, 48], 72)).unwrap();
         let origin = || Origin { name: "map".to_owned(), command: String::new() };
-        let counts = [4, 64, 100_000];
-        let table = of_map(origin(), &mut pictures, &map, &counts, || true).unwrap().unwrap();
-        assert_eq!(table.rows.len(), 2 * METHODS.len(), "more lights than shadow maps are left out");
+        let mut done = 0;
+        let table = of_map(origin(), &mut pictures, &map, &[4, 64], || true, || done += 1).unwrap().unwrap();
+        assert_eq!((table.rows.len(), done), (2 * METHODS.len(), 2 * METHODS.len()));
         let of = |lights| table.rows.iter().find(|row| row.method == OURS && row.lights == lights).unwrap();
         assert!(of(64).values[0] < 0.5 * of(4).values[0] && of(64).values[1] < of(4).values[1], "{table:?}");
-        assert!(of_map(origin(), &mut pictures, &map, &[4], || false).unwrap().is_none());
+        // The reference has eight passes; nothing is kept of a table that is stopped in one of them, or later.
+        for limit in [0, 3, 8, 10] {
+            let asked = std::cell::Cell::new(0);
+            let goes_on = || asked.replace(asked.get() + 1) < limit;
+            let stopped = of_map(origin(), &mut pictures, &map, &[4], goes_on, || ()).unwrap();
+            assert!(stopped.is_none() && asked.get() == limit + 1, "{limit}: {}", asked.get());
+        }
     }
 }

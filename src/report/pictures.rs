@@ -87,8 +87,11 @@ impl Pictures {
     ///
     /// # Errors
     /// Those of the device, and of [`Extractor::new`].
-    pub fn measure(&mut self, map: &PolarMap, progress: impl FnMut(f64)) -> Result<Vec<Row>> {
-        self.draw_reference(map, progress)?;
+    pub fn measure(&mut self, map: &PolarMap, mut progress: impl FnMut(f64)) -> Result<Vec<Row>> {
+        self.draw_reference(map, |share| {
+            progress(share);
+            true
+        })?;
         let mut list = LightList::default();
         let mut rows = Vec::new();
         for count in COUNTS {
@@ -104,17 +107,20 @@ impl Pictures {
     }
 
     /// Draws the picture that has every pixel of `map` as a light with a shadow map of its own, which later ones are
-    /// compared with. `progress` is called with the share that is drawn.
+    /// compared with. `goes_on` is asked again and again, with the share that is drawn. Returns whether it never said no
+    /// and the reference is there.
     ///
     /// # Errors
     /// Those of the device.
-    pub fn draw_reference(&mut self, map: &PolarMap, mut progress: impl FnMut(f64)) -> Result<()> {
+    pub fn draw_reference(&mut self, map: &PolarMap, mut goes_on: impl FnMut(f64) -> bool) -> Result<bool> {
         let emitters = emitters(map);
         let Timed { renderer, camera, .. } = &mut self.timed;
-        renderer.draw_reference(&emitters, camera, 1, |done| {
-            progress(done as f64 / emitters.len().max(1) as f64);
-        })?;
-        renderer.read_radiance(&mut self.reference)
+        let share = |done| done as f64 / emitters.len().max(1) as f64;
+        let is_whole = renderer.draw_reference(&emitters, camera, 1, |done| goes_on(share(done)))?;
+        if is_whole {
+            renderer.read_radiance(&mut self.reference)?;
+        }
+        Ok(is_whole)
     }
 
     /// [`relative_rms`] and [`mean_flip`] of the picture under these lights against the reference drawn last.
@@ -123,8 +129,7 @@ impl Pictures {
     /// Those of the device.
     pub fn errors(&mut self, list: &LightList) -> Result<(f64, f64)> {
         let Timed { renderer, camera, .. } = &mut self.timed;
-        // Takes all shadow maps back: which lights own them would depend on the lists before.
-        renderer.draw(&[], camera, 1)?;
+        renderer.release_shadow_maps();
         renderer.draw(&list.lights, camera, 1)?;
         self.compare()
     }

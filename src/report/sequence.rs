@@ -117,59 +117,65 @@ pub struct Sequence {
 
 impl Sequence {
     /// The garden: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column 20 - t in frame
-    /// t; its sun crosses phi = 0 in frame 20.
+    /// t; its sun crosses phi = 0 in frame 20. `goes_on` as of [`Self::from_maps`].
     ///
     /// # Errors
     /// Kind `Usage` for a map of another shape than [`SHAPE`].
-    pub fn garden(map: &PolarMap) -> Result<Self> {
+    pub fn garden(map: &PolarMap, goes_on: &dyn Fn() -> bool) -> Result<Option<Self>> {
         check_shape(map)?;
-        Self::new(|t| garden_frame(map, t))
+        Self::new(|t| garden_frame(map, t), goes_on)
     }
 
     /// The hall: `map` (`dancing_hall_1k`), whose pixels in columns 71-149 above its 97th percentile of luminance
-    /// are multiplied by `1 + 0.5 sin(2 pi 0.38 t)` in frame t: lamps that flicker at 9.5 Hz.
+    /// are multiplied by `1 + 0.5 sin(2 pi 0.38 t)` in frame t: lamps that flicker at 9.5 Hz. `goes_on` as of
+    /// [`Self::from_maps`].
     ///
     /// # Errors
     /// Kind `Usage` for a map of another shape than [`SHAPE`].
-    pub fn hall(map: &PolarMap) -> Result<Self> {
+    pub fn hall(map: &PolarMap, goes_on: &dyn Fn() -> bool) -> Result<Option<Self>> {
         check_shape(map)?;
-        Self::new(|t| hall_frame(map, t))
+        Self::new(|t| hall_frame(map, t), goes_on)
     }
 
-    fn new(frame: impl Fn(usize) -> PolarMap) -> Result<Self> {
+    fn new(frame: impl Fn(usize) -> PolarMap, goes_on: &dyn Fn() -> bool) -> Result<Option<Self>> {
         let maps = (0..FRAMES).map(|t| PolarMap { stamp: stamp(t, FRAME_RATE_HZ), ..frame(t) }).collect();
-        Self::from_maps(maps, || true)
+        Self::from_maps(maps, goes_on)
+    }
+
+    /// The fewest frames that a sequence at this rate needs for all its figures: the filter's order and three more.
+    ///
+    /// # Errors
+    /// Kind `Usage` for a frame rate without a filter (see [`design`]).
+    pub fn least_frames(frame_rate_hz: f64) -> Result<usize> {
+        Ok(design(frame_rate_hz, &FilterOptions::default())?.order() + 3)
     }
 
     /// Any maps of one shape, in the order of their stamps, whose frame rate decides on the filter; what a stamp
-    /// says is lost is held, as the filter does. Works out the truth, about a tenth of a second a map; `goes_on` is
-    /// asked after every map.
+    /// says is lost is held, as the filter does. Works out the truth, about a tenth of a second a map; `None` when
+    /// `goes_on`, which is asked after every map, says no.
     ///
     /// # Errors
-    /// Kind `Usage` for maps of different shapes, for fewer than the filter's order and three more, and for a frame
-    /// rate without a filter (see [`design`]); kind `Failed` when `goes_on` says no.
-    pub fn from_maps(maps: Vec<PolarMap>, mut goes_on: impl FnMut() -> bool) -> Result<Self> {
+    /// Kind `Usage` for maps of different shapes, for fewer than [`Self::least_frames`], and for a frame rate without a
+    /// filter (see [`design`]).
+    pub fn from_maps(maps: Vec<PolarMap>, goes_on: &dyn Fn() -> bool) -> Result<Option<Self>> {
         let frame_rate_hz = maps.first().map_or(0.0, |map| map.stamp.frame_rate_hz);
         if maps.iter().any(|map| map.shape != maps[0].shape || map.pixels.len() != map.shape.len()) {
             return Err(Error::usage("the maps of a sequence are of different shapes; give them one"));
         }
         let taps = design(frame_rate_hz, &FilterOptions::default())?;
-        let (count, start_up) = (maps.len(), taps.order());
-        if count < start_up + 3 {
-            return Err(Error::usage(format!(
-                "a sequence of {count} frames; flicker is measured from the {}th on, give at least as many",
-                start_up + 3
-            )));
+        let (count, least) = (maps.len(), Self::least_frames(frame_rate_hz)?);
+        if count < least {
+            return Err(Error::usage(format!("has {count} frames that can be used; give at least {least}")));
         }
         let mut truth = Vec::with_capacity(count);
         for map in &maps {
             truth.push(values(&Emitters::from_map(map)));
             if !goes_on() {
-                return Err(Error::failed("interrupted before the truth of all frames was known"));
+                return Ok(None);
             }
         }
         let filtered_truth = filtered(&truth, maps.iter().map(|map| map.stamp.lost_before), taps.as_slice());
-        Ok(Self { maps, truth, filtered_truth, start_up })
+        Ok(Some(Self { maps, truth, filtered_truth, start_up: taps.order() }))
     }
 
     /// Number of frames.
@@ -187,19 +193,12 @@ impl Sequence {
         self.start_up > 0
     }
 
-    /// Extracts, filters and measures [`LIGHTS`] lights.
+    /// Extracts, filters and measures `count` lights, and takes the time. `None` when `goes_on`, which is asked after
+    /// every list, says no.
     ///
     /// # Errors
     /// Those of the extractor and the filter.
-    pub fn measure(&self, method: Method) -> Result<BeforeAndAfter> {
-        Ok(self.measure_lights(method, LIGHTS)?.measured)
-    }
-
-    /// Extracts, filters and measures `count` lights, and takes the time.
-    ///
-    /// # Errors
-    /// Those of the extractor and the filter.
-    pub fn measure_lights(&self, method: Method, count: usize) -> Result<Timed> {
+    pub fn measure(&self, method: Method, count: usize, goes_on: &dyn Fn() -> bool) -> Result<Option<Timed>> {
         let normalised = Options { inversion: Inversion::NormalisedRows, ..Options::default() };
         let others = if method == Method::Paper { normalised } else { Options::default() };
         let options = Options { count, sampler: method.sampler(), ..others };
@@ -214,15 +213,21 @@ impl Sequence {
             times.push(start.elapsed());
             before.push(list.clone());
             after.push(filtered.clone());
+            if !goes_on() {
+                return Ok(None);
+            }
         }
         times.sort();
-        let measured = BeforeAndAfter {
-            before: figures(&before, &self.truth, hard),
-            after: figures(&after[self.start_up..], &self.filtered_truth[self.start_up..], hard),
-            soft_before: figures(&before, &self.truth, soft),
-            soft_after: figures(&after[self.start_up..], &self.filtered_truth[self.start_up..], soft),
+        let figures = || {
+            let (after, filtered_truth) = (&after[self.start_up..], &self.filtered_truth[self.start_up..]);
+            Some(BeforeAndAfter {
+                before: figures(&before, &self.truth, hard, goes_on)?,
+                after: figures(after, filtered_truth, hard, goes_on)?,
+                soft_before: figures(&before, &self.truth, soft, goes_on)?,
+                soft_after: figures(after, filtered_truth, soft, goes_on)?,
+            })
         };
-        Ok(Timed { measured, time: times[times.len() / 2] })
+        Ok(figures().map(|measured| Timed { measured, time: times[times.len() / 2] }))
     }
 }
 
@@ -265,13 +270,18 @@ fn soft(lights: &[Light]) -> Vec<f64> {
     values
 }
 
-fn figures(lists: &[LightList], truth: &[Vec<f64>], values: fn(&[Light]) -> Vec<f64>) -> Figures {
-    let differences: Vec<Vec<f64>> = (lists.iter().zip(truth))
-        .map(|(list, truth)| {
-            let values = values(&list.lights);
-            values.iter().zip(truth).map(|(value, truth)| value - truth).collect()
-        })
-        .collect();
+/// The figures of lists; `None` when `goes_on`, which is asked after every list, says no.
+fn figures(
+    lists: &[LightList],
+    truth: &[Vec<f64>],
+    values: fn(&[Light]) -> Vec<f64>,
+    goes_on: &dyn Fn() -> bool,
+) -> Option<Figures> {
+    let of_list = |(list, truth): (&LightList, &Vec<f64>)| -> Option<Vec<f64>> {
+        let values = values(&list.lights);
+        goes_on().then(|| values.iter().zip(truth).map(|(value, truth)| value - truth).collect())
+    };
+    let differences: Vec<Vec<f64>> = lists.iter().zip(truth).map(of_list).collect::<Option<_>>()?;
     let mean = truth.iter().flatten().sum::<f64>() / truth.iter().flatten().count() as f64;
     let second_differences = differences
         .windows(3)
@@ -286,11 +296,11 @@ fn figures(lists: &[LightList], truth: &[Vec<f64>], values: fn(&[Light]) -> Vec<
         .collect();
     motion.sort_by(f64::total_cmp);
     let relative = |rms: f64| if rms == 0.0 { 0.0 } else { rms / mean };
-    Figures {
+    Some(Figures {
         error: relative(rms(differences.iter().flatten().copied())),
         flicker: relative(rms(second_differences)),
         motion_deg: [0.5, 0.99, 1.0].map(|fraction| percentile(&motion, fraction)),
-    }
+    })
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {

@@ -64,8 +64,8 @@ pub struct Lights {
 }
 
 impl Lights {
-    /// `count` refined lights, of which the first `head_count`, which the others join, light everything; the error is
-    /// theirs.
+    /// `count` lights as `run` makes them by default, from a first frame; the first `head_count`, which the others join,
+    /// light everything, and the error is theirs.
     ///
     /// # Errors
     /// As [`Extractor::new`].
@@ -79,7 +79,7 @@ impl Lights {
         Ok(Self { error: Some(f64::from(error)), lights: list.lights })
     }
 
-    /// `count` refined lights that all light everything.
+    /// `count` lights that all light everything.
     ///
     /// # Errors
     /// As [`Extractor::new`].

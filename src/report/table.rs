@@ -75,7 +75,7 @@ impl Table {
     }
 
     /// Geometric means of times and ranked measures over tables of the same measures; `None` for none. A value of zero
-    /// makes its mean zero. Of other measures there is no mean.
+    /// makes its mean zero. Of other measures there is no mean. A note that all tables have is the means' too.
     pub fn mean(name: String, command: String, tables: &[Self]) -> Option<Self> {
         let first = tables.first()?;
         let mut rows = Vec::new();
@@ -94,7 +94,11 @@ impl Table {
                 ..model.clone()
             });
         }
-        Some(Self::new(name, command, first.measures, first.ours, rows))
+        let mut means = Self::new(name, command, first.measures, first.ours, rows);
+        if tables.iter().all(|table| table.notes == first.notes) {
+            means.notes.clone_from(&first.notes);
+        }
+        Some(means)
     }
 
     /// A sentence for every ranked measure: whether ours is on the front.
@@ -208,14 +212,17 @@ pub(super) mod tests {
 
     #[test]
     fn means_are_geometric_zero_where_one_is_and_none_of_what_is_only_told() {
-        let one = table("a", vec![row("refined", 4, 1.0, [0.01, 1.0])]);
-        let other = table("b", vec![row("refined", 4, 4.0, [0.0001, 1.0])]);
+        let noted = |table| Table { notes: "in a small size".to_owned(), ..table };
+        let one = noted(table("a", vec![row("refined", 4, 1.0, [0.01, 1.0])]));
+        let other = noted(table("b", vec![row("refined", 4, 4.0, [0.0001, 1.0])]));
         let mean = Table::mean("m".into(), "c".into(), &[one.clone(), other]).unwrap();
+        assert_eq!(mean.notes, one.notes);
         let Row { time_ms, values, .. } = &mean.rows[0];
         assert!((time_ms - 2.0).abs() < 1e-12 && (values[0] - 0.001).abs() < 1e-12 && values[1].is_nan());
         assert_eq!(mean.shown().collect::<Vec<_>>(), [0]);
         let dark = table("dark", vec![row("refined", 4, 1.0, [0.0, 0.0])]);
-        assert_eq!(Table::mean("m".into(), "c".into(), &[one, dark]).unwrap().rows[0].values[0], 0.0);
+        let mean = Table::mean("m".into(), "c".into(), &[one, dark]).unwrap();
+        assert_eq!((mean.rows[0].values[0], mean.notes.as_str()), (0.0, ""));
         assert_eq!(Table::mean("m".into(), "c".into(), &[]), None);
     }
 

@@ -1,6 +1,6 @@
 //! Measures maps and sequences and puts the figures into tables of a report.
 
-use super::sequence::{Figures, Method, Sequence};
+use super::sequence::{Figures, Method, Sequence, Timed};
 use super::stills;
 use super::table::{Measure, Row, Table};
 use crate::error::Result;
@@ -44,7 +44,7 @@ pub struct Origin {
 /// All methods on one map; `goes_on` is asked after every row. `None` when it says no.
 ///
 /// # Errors
-/// Those of [`stills::measure_counts`].
+/// Those of [`stills::measure`].
 pub fn of_map(
     origin: Origin,
     map: &PolarMap,
@@ -52,7 +52,7 @@ pub fn of_map(
     mut goes_on: impl FnMut() -> bool,
 ) -> Result<Option<(Table, Vec<stills::Row>)>> {
     let mut is_whole = true;
-    let measured = stills::measure_counts(map, counts, || {
+    let measured = stills::measure(map, counts, || {
         is_whole = goes_on();
         is_whole
     })?;
@@ -76,20 +76,34 @@ pub fn of_map(
     Ok(Some((Table::new(origin.name, origin.command, &OF_MAPS, stills::OURS, rows), measured)))
 }
 
-/// All methods on one sequence; `goes_on` is asked after every row. `None` when it says no.
+/// What one method with some number of lights made of a sequence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// How the lights were found.
+    pub method: Method,
+    /// How many.
+    pub count: usize,
+    /// What came out.
+    pub timed: Timed,
+}
+
+/// All methods on one sequence, and what the rows were made of. `goes_on` is asked after every frame, `None` when it says
+/// no; `row_done` is called after every row.
 ///
 /// # Errors
-/// Those of [`Sequence::measure_lights`].
+/// Those of [`Sequence::measure`].
 pub fn of_sequence(
     origin: Origin,
     sequence: &Sequence,
     counts: &[usize],
-    mut goes_on: impl FnMut() -> bool,
-) -> Result<Option<Table>> {
-    let mut rows = Vec::new();
+    goes_on: &dyn Fn() -> bool,
+    mut row_done: impl FnMut(),
+) -> Result<Option<(Table, Vec<Measured>)>> {
+    let (mut rows, mut measured) = (Vec::new(), Vec::new());
     for method in Method::ALL {
         for &count in counts {
-            let timed = sequence.measure_lights(method, count)?;
+            let Some(timed) = sequence.measure(method, count, goes_on)? else { return Ok(None) };
+            measured.push(Measured { method, count, timed });
             let Figures { error, flicker, motion_deg: [p50, p99, max] } = timed.measured.soft_after;
             let (before, hard) = (timed.measured.soft_before, timed.measured.after);
             rows.push(Row {
@@ -110,9 +124,7 @@ pub fn of_sequence(
                 ],
                 front: Vec::new(),
             });
-            if !goes_on() {
-                return Ok(None);
-            }
+            row_done();
         }
     }
     let mut table = Table::new(origin.name, origin.command, &OF_SEQUENCES, Method::OURS.name(), rows);
@@ -124,7 +136,7 @@ pub fn of_sequence(
     } else {
         format!("{frames} frames without a known rate, so not filtered.")
     };
-    Ok(Some(table))
+    Ok(Some((table, measured)))
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ pub use filter::Filter;
 pub use light::{Light, MapTap};
 pub use picture::Picture;
 pub use publish::{ListTap, Publish};
-pub use record::{Record, Recorder, Recording, SIDECAR, Tee};
+pub use record::{Record, Recorder, Recording, SIDECAR, Tee, radiance_within_half};
 #[cfg(feature = "render")]
 pub use render::{Files, PictureWriter, Render};
 pub use source::Source;

@@ -234,7 +234,7 @@ impl Stage for Record {
         let written = match &mut self.radiance {
             None => frame,
             Some((table, radiance)) => {
-                self.beyond_half.add(decode(frame, table, radiance));
+                self.beyond_half.add(radiance_within_half(frame, table, radiance));
                 radiance
             }
         };
@@ -249,7 +249,7 @@ impl Stage for Record {
 
 /// Radiance of a frame, by `table` where it has codes, cut at the largest half float; returns how many pixels have no half
 /// float of their size. What is no number stays so.
-fn decode(frame: &Frame, table: &[f32], to: &mut Frame) -> u64 {
+pub fn radiance_within_half(frame: &Frame, table: &[f32], to: &mut Frame) -> u64 {
     let Frame { stamp, width, height, channels, bayer, .. } = *frame;
     let mut values = match std::mem::replace(&mut to.pixels, Pixels::Radiance(Vec::new())) {
         Pixels::Radiance(values) => values,

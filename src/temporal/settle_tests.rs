@@ -9,7 +9,7 @@ use super::{FilterOptions, LightFilter, design};
 use crate::image::{PolarMap, PolarShape, Stamp, luminance_f64};
 use crate::light::measure::{Emitters, relative_rms, soft_ground_cells};
 use crate::light::test_maps::real_maps;
-use crate::light::{Extractor, Light, LightList, Options};
+use crate::light::{Extractor, Light, LightList, Options, REST_S};
 use crate::math::{angle_between, direction};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
@@ -173,5 +173,13 @@ fn a_peak_that_dissolves_does_not_flash() {
         let [settled, flash] = lamp_track(lamp, 40 + FILTER_LENGTH);
         println!("a lamp of {radiance} dissolves: error {settled:.2} of the last frame's, flash {flash:.3}");
         assert!(settled < 1.05 && flash < 0.02, "{radiance}: {settled} {flash}");
+    }
+}
+
+#[test]
+fn lights_rest_longer_than_the_default_filter_is() {
+    for rate_hz in [20.0, 24.0, 25.0, 29.97, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 240.0, 500.0, 1000.0] {
+        let length = design(rate_hz, &FilterOptions::default()).unwrap().as_slice().len();
+        assert!((REST_S * rate_hz).ceil() >= length as f64, "{length} taps at {rate_hz} Hz");
     }
 }

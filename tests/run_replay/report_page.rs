@@ -44,7 +44,7 @@ fn the_page_has_every_input_and_beside_each_table_the_command_that_prints_it() {
         .arg("report")
         .args(&maps)
         .arg(sequence.path())
-        .args(["--lights", "16,4,16", "--output"])
+        .args(["--lights", "16,4,16", "--frames", "11", "--frame-rate", "25", "--output"])
         .arg(&output);
     let run = command.output().unwrap();
     assert!(run.status.success(), "{}", stderr(&run));
@@ -82,6 +82,28 @@ fn the_page_has_every_input_and_beside_each_table_the_command_that_prints_it() {
     }
 }
 
+/// Runs a report with these arguments until it says `message`, and interrupts it then; gives its messages after that. It
+/// ends in good order. `None` where it ends by itself before, which it does without the message.
+fn interrupted(mut command: Command, message: &str) -> Option<String> {
+    let mut child = command.spawn().unwrap();
+    let mut messages = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains(message) {
+        line.clear();
+        if messages.read_line(&mut line).unwrap() == 0 {
+            child.wait().unwrap();
+            return None;
+        }
+    }
+    let interrupt = format!("kill -INT {}", child.id());
+    assert!(Command::new("sh").args(["-c", &interrupt]).status().unwrap().success());
+    let mut rest = String::new();
+    messages.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    assert!(rest.contains("not complete"), "{rest}");
+    Some(rest)
+}
+
 #[test]
 fn ctrl_c_keeps_what_is_done() {
     let folder = tempfile::tempdir().unwrap();
@@ -90,19 +112,7 @@ fn ctrl_c_keeps_what_is_done() {
     let output = folder.path().join("report");
     let mut command = lightcast();
     command.arg("report").args(&maps).args(["--lights", "4,64", "--output"]).arg(&output);
-    let mut child = command.spawn().unwrap();
-    let mut messages = BufReader::new(child.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.contains("map0x.exr: measured") {
-        line.clear();
-        assert!(messages.read_line(&mut line).unwrap() > 0, "the report ended by itself");
-    }
-    let interrupt = format!("kill -INT {}", child.id());
-    assert!(Command::new("sh").args(["-c", &interrupt]).status().unwrap().success());
-    let mut rest = String::new();
-    messages.read_to_string(&mut rest).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
-    assert!(rest.contains("not complete"), "{rest}");
+    interrupted(command, "map0x.exr: measured").expect("the report ended by itself");
 
     let report = json(&output);
     let done = report["maps"].as_array().unwrap();
@@ -122,6 +132,71 @@ fn ctrl_c_keeps_what_is_done() {
 }
 
 #[test]
+fn ctrl_c_in_a_sequence_or_the_hard_cases_keeps_what_stands_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = panoramas(folder.path(), &["sky.exr"]).remove(0);
+    let sequence = Recording::new(12);
+    let output = folder.path().join("report");
+    let report = |message| {
+        let mut command = lightcast();
+        command.arg("report").arg(&map).arg(sequence.configuration());
+        command.args(["--lights", "4", "--output"]).arg(&output);
+        interrupted(command, message).expect("the report ended by itself");
+        json(&output)
+    };
+    let tables = |report: &Value, key: &str| report[key].as_array().unwrap().len();
+    let in_sequence = report("sky.exr: measured");
+    assert_eq!((tables(&in_sequence, "maps"), tables(&in_sequence, "sequences")), (1, 0));
+    let in_hard_cases = report("run.toml: measured");
+    assert_eq!((tables(&in_hard_cases, "maps"), tables(&in_hard_cases, "sequences")), (1, 1));
+    // The rows that were measured are whole; those that follow the last of them are missing.
+    let rows = in_hard_cases["stability"].as_array().unwrap();
+    assert!(rows.iter().all(|row| row["figures"].is_object()), "{rows:?}");
+}
+
+#[cfg(feature = "render")]
+#[test]
+fn ctrl_c_in_pictures_keeps_those_of_the_maps_before() {
+    use lightcast::image::{Frame, Pixels};
+    let folder = tempfile::tempdir().unwrap();
+    // Few pixels with light: the reference has a light for each.
+    let path = |number: usize| folder.path().join(format!("{number}.exr"));
+    for number in 0..8 {
+        let samples = (0..64 * 32 * 3).map(|i| if i / 3 == 64 * 5 + number { 9.0 } else { 0.0 }).collect();
+        let frame = Frame {
+            width: 64,
+            height: 32,
+            channels: 3,
+            pixels: Pixels::Radiance(samples),
+            ..Frame::default()
+        };
+        write_exr(&path(number), &frame, None, false).unwrap();
+    }
+    let output = folder.path().join("report");
+    let mut command = lightcast();
+    command
+        .arg("report")
+        .args((0..8).map(path))
+        .args(["--pictures", "--lights", "4", "--output"])
+        .arg(&output);
+    if interrupted(command, "pictures under 0.exr: measured").is_none() {
+        eprintln!("skipped: there is no graphics adapter");
+        return;
+    }
+    let report = json(&output);
+    assert_eq!((report["maps"].as_array().unwrap().len(), &report["complete"]), (8, &Value::Bool(false)));
+    let pictures = report["pictures"].as_array().unwrap();
+    assert!((1..8).contains(&pictures.len()), "{}", pictures.len());
+    for table in pictures {
+        let rows = table["rows"].as_array().unwrap();
+        assert!(
+            rows.len() >= 9 && rows.iter().all(|row| row["rms"].is_f64() && row["flip"].is_f64()),
+            "{table}"
+        );
+    }
+}
+
+#[test]
 fn the_hard_cases_are_printed_alone() {
     let run = lightcast().args(["report", "--stability"]).output().unwrap();
     assert!(run.status.success(), "{}", stderr(&run));
@@ -133,16 +208,44 @@ fn the_hard_cases_are_printed_alone() {
 #[test]
 fn wrong_usage_of_the_report_is_told_before_anything_is_measured() {
     let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let map = panoramas(folder.path(), &["sky.exr"]).remove(0);
-    let (map, missing) = (map.to_str().unwrap(), folder.path().join("missing.hdr"));
-    let (missing, below) = (missing.to_str().unwrap(), format!("{map}/report"));
+    let (map, missing, configuration) = (map.to_str().unwrap(), at("missing.hdr"), at("missing.toml"));
+    let below = format!("{map}/report");
+    let [short, long, lensless] = [5, 12, 12].map(Recording::new);
+    lensless.configure("pace = \"fast\"");
+    let text = fs::read_to_string(lensless.configuration()).unwrap();
+    fs::write(
+        lensless.configuration(),
+        text + "\n[camera]\nprojection = \"fisheye\"\ncalibration = \"nowhere.toml\"\n",
+    )
+    .unwrap();
+    let file = |recording: &Recording| recording.configuration().to_str().unwrap().to_owned();
+    let [short, long, lensless] = [&short, &long, &lensless].map(file);
     for (arguments, code, expected) in [
-        (&["--tables", map, missing][..], 1, "missing.hdr"),
+        (&["--tables", map, &missing][..], 1, "missing.hdr"),
+        (&["--tables", map, &configuration], 2, "missing.toml"),
+        (&["--tables", map, &lensless], 2, "nowhere.toml"),
+        (&["--tables", map, &short], 2, "has 5 frames at 25 frames per second; at least 11"),
+        (&["--tables", map, &long, "--frames", "10"], 2, "--frames 10 are too few"),
+        (&["--tables", map, &long, "--frame-rate", "25"], 2, "frame_rate_hz"),
+        (&["--tables", map, "--frame-rate", "25"], 2, "--frame-rate"),
+        (&["--tables", map, "--frames", "20"], 2, "--frames"),
+        (&["--tables", map, map], 2, "named twice"),
+        (&["--tables", map, "--garden", &missing, "--hall", map], 1, "missing.hdr"),
+        (&["--tables", map, "--garden", map, "--hall", &missing], 1, "missing.hdr"),
         (&["--tables", map, "--lights", "0"], 2, "give 1 to 16384"),
         (&["--tables", map, "--lights", "4,x"], 2, "give 1 to 16384"),
         (&["--tables", map, "--output", "report"], 2, "--output"),
         (&["--tables", map, "--garden", map], 2, "--hall"),
         (&["--stability", map], 2, "--stability"),
+        (&["--stability", "--tables"], 2, "--stability"),
+        (&["--stability", "--lights", "4"], 2, "--stability"),
+        (&["--stability", "--garden", map, "--hall", map], 2, "--stability"),
+        #[cfg(feature = "render")]
+        (&["--stability", "--pictures"], 2, "--stability"),
+        #[cfg(feature = "render")]
+        (&["--tables", &long, "--pictures"], 2, "--pictures"),
         (&[map, "--output", &below], 1, "the folder for the report cannot be made"),
         (&["--tables", "--lights", "4", "nowhere/sky.####.exr"], 2, "sky.####.exr"),
     ] {
@@ -151,4 +254,7 @@ fn wrong_usage_of_the_report_is_told_before_anything_is_measured() {
         assert!(stderr(&run).contains(expected), "{arguments:?}: {}", stderr(&run));
         assert!(run.stdout.is_empty(), "{arguments:?}");
     }
+    let output = at("report");
+    let run = lightcast().args(["report", map, &configuration, "--output", &output]).output().unwrap();
+    assert!(!run.status.success() && !Path::new(&output).exists(), "{}", stderr(&run));
 }

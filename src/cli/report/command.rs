@@ -1,22 +1,52 @@
 //! Commands that print the figures of a report again, as a shell takes them.
 
 use super::Arguments;
+use super::inputs::{Map, Moving};
 use crate::report::tables::COUNTS;
 use std::path::Path;
 
-/// Prints the tables of these inputs, as the report with these arguments has them.
-pub(super) fn command<'a>(arguments: &Arguments, inputs: impl Iterator<Item = &'a Path>) -> String {
+/// Prints the tables of maps: of all that are built in for those that are.
+pub(super) fn of_maps<'a>(arguments: &Arguments, maps: impl Iterator<Item = &'a Map>) -> String {
+    with_inputs(of_lights(arguments), maps.filter_map(|map| map.path.as_deref()))
+}
+
+/// Prints the table of a sequence, as the report with these arguments has it.
+pub(super) fn of_sequence(arguments: &Arguments, moving: &Moving) -> String {
+    let mut command = of_lights(arguments);
+    match moving {
+        Moving::Made(_) => {
+            for (option, path) in [("--garden", &arguments.garden), ("--hall", &arguments.hall)] {
+                if let Some(path) = path {
+                    command += &format!(" {option} {}", quoted(&path.to_string_lossy()));
+                }
+            }
+            command
+        }
+        Moving::BuiltIn(_) => command + &of_frames(arguments),
+        Moving::Recorded(recorded) => {
+            command += &of_frames(arguments);
+            if let Some(rate_hz) = arguments.frame_rate.filter(|_| !recorded.is_configured()) {
+                command += &format!(" --frame-rate {rate_hz}");
+            }
+            with_inputs(command, std::iter::once(recorded.path()))
+        }
+    }
+}
+
+fn of_lights(arguments: &Arguments) -> String {
     let mut command = "lightcast report --tables".to_owned();
     if arguments.lights != COUNTS {
         let counts: Vec<String> = arguments.lights.iter().map(usize::to_string).collect();
         command += &format!(" --lights {}", counts.join(","));
     }
-    if arguments.frames != 100 {
-        command += &format!(" --frames {}", arguments.frames);
-    }
-    if let Some(rate_hz) = arguments.frame_rate {
-        command += &format!(" --frame-rate {rate_hz}");
-    }
+    command
+}
+
+fn of_frames(arguments: &Arguments) -> String {
+    arguments.frames.map(|frames| format!(" --frames {frames}")).unwrap_or_default()
+}
+
+fn with_inputs<'a>(mut command: String, inputs: impl Iterator<Item = &'a Path>) -> String {
     for input in inputs {
         command += " ";
         command += &quoted(&input.to_string_lossy());
@@ -31,7 +61,7 @@ pub(super) fn command_line() -> String {
 }
 
 /// A word as a shell takes it.
-pub(super) fn quoted(word: &str) -> String {
+fn quoted(word: &str) -> String {
     let is_plain =
         |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.' | '/' | ',' | ':' | '=' | '+' | '@');
     if !word.is_empty() && word.chars().all(is_plain) {

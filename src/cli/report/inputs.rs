@@ -1,34 +1,51 @@
-//! What a report is about: panoramas, sequences, and what is built in where none are named.
+//! What a report is about: panoramas, sequences, and what is built in where none are named. All of it is opened, and
+//! panoramas read, before anything is measured.
 
 use super::Arguments;
-use super::sequences;
-use crate::cli::panorama::read_panorama;
-use crate::error::Result;
+use super::sequences::Recorded;
+use crate::cli::panorama::read_panorama_as;
+use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape};
 use crate::report::built_in::{self, BuiltIn};
+#[cfg(feature = "render")]
+use crate::report::picture_tables;
 use crate::report::sequence::Sequence;
-use crate::report::stills::SHAPE;
+use crate::report::{sequence, stills};
 use crate::rt::Shutdown;
 use std::path::{Path, PathBuf};
 
-/// A map to be read.
-pub(super) enum Map {
-    File(PathBuf),
+/// What every panorama is averaged to: for lights, and for pictures.
+const SHAPES: &[PolarShape] = &[
+    stills::SHAPE,
+    #[cfg(feature = "render")]
+    picture_tables::SHAPE,
+];
+
+/// A map.
+pub(super) struct Map {
+    pub name: String,
+    /// What names it on a command line; nothing names what is built in.
+    pub path: Option<PathBuf>,
+    /// One for each of [`SHAPES`].
+    maps: Vec<PolarMap>,
+}
+
+/// A sequence that is open.
+pub(super) enum Moving {
+    Recorded(Recorded),
+    Made(Made),
     BuiltIn(BuiltIn),
 }
 
-/// A sequence to be read.
-pub(super) enum Moving {
-    /// A folder, a pattern or a configuration.
-    Recorded(PathBuf),
-    /// One that METHODS section 7 makes of a panorama.
-    Made {
-        name: &'static str,
-        map: PathBuf,
-        make: fn(&PolarMap) -> Result<Sequence>,
-    },
-    BuiltIn(BuiltIn),
+/// One that METHODS section 7 makes of a panorama.
+pub(super) struct Made {
+    pub name: &'static str,
+    pub path: PathBuf,
+    map: PolarMap,
+    make: Make,
 }
+
+type Make = fn(&PolarMap, &dyn Fn() -> bool) -> Result<Option<Sequence>>;
 
 /// All that a command line names.
 pub(super) struct Inputs {
@@ -36,89 +53,173 @@ pub(super) struct Inputs {
     pub sequences: Vec<Moving>,
 }
 
-impl Inputs {
+/// What kinds of inputs a command line names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Kinds {
+    pub maps: bool,
+    pub configurations: bool,
+    /// Numbered panoramas.
+    pub panoramas: bool,
+    /// None is named, so those that are built in are taken.
+    pub built_in: bool,
+}
+
+impl Kinds {
     pub fn of(arguments: &Arguments) -> Self {
-        let (sequences, maps): (Vec<&PathBuf>, Vec<&PathBuf>) =
-            arguments.inputs.iter().partition(|path| is_sequence(path));
-        let maps: Vec<Map> = maps.into_iter().cloned().map(Map::File).collect();
-        let mut sequences: Vec<Moving> = sequences.into_iter().cloned().map(Moving::Recorded).collect();
-        if let Some((garden, hall)) = arguments.garden.clone().zip(arguments.hall.clone()) {
-            sequences.push(Moving::Made { name: "garden", map: garden, make: Sequence::garden });
-            sequences.push(Moving::Made { name: "hall", map: hall, make: Sequence::hall });
+        let any = |is_kind: fn(&Path) -> bool| arguments.inputs.iter().any(|path| is_kind(path));
+        Self {
+            maps: any(|path| !is_sequence(path)),
+            configurations: any(is_configuration),
+            panoramas: any(|path| is_sequence(path) && !is_configuration(path)),
+            built_in: arguments.inputs.is_empty() && arguments.garden.is_none(),
         }
-        if maps.is_empty() && sequences.is_empty() {
-            return Self {
-                maps: built_in::MAPS.map(Map::BuiltIn).into(),
-                sequences: built_in::SEQUENCES.map(Moving::BuiltIn).into(),
-            };
-        }
-        Self { maps, sequences }
     }
+}
+
+impl Inputs {
+    /// Opens everything; `telling` is called with the name of what is read next. `None` when `shutdown` is requested.
+    pub fn open(arguments: &Arguments, shutdown: &Shutdown, telling: impl Fn(&str)) -> Result<Option<Self>> {
+        let mut inputs = Self { maps: Vec::new(), sequences: Vec::new() };
+        if Kinds::of(arguments).built_in {
+            for built_in in built_in::SEQUENCES {
+                check_length(built_in.length()?, arguments).map_err(|error| error.at(built_in.name))?;
+            }
+            for built_in in built_in::MAPS {
+                telling(built_in.name);
+                inputs.maps.push(Map::built_in(&built_in)?);
+                if shutdown.is_requested() {
+                    return Ok(None);
+                }
+            }
+            inputs.sequences.extend(built_in::SEQUENCES.map(Moving::BuiltIn));
+            return Ok(Some(inputs));
+        }
+        // Sequences first: to open one takes a picture, not all.
+        for path in arguments.inputs.iter().filter(|path| is_sequence(path)) {
+            let recorded = Recorded::open(path, arguments.frame_rate)?;
+            check_length(recorded.length(), arguments).map_err(|error| error.at(path.display()))?;
+            inputs.sequences.push(Moving::Recorded(recorded));
+            if shutdown.is_requested() {
+                return Ok(None);
+            }
+        }
+        for path in arguments.inputs.iter().filter(|path| !is_sequence(path)) {
+            telling(&path.display().to_string());
+            inputs.maps.push(Map::read(path)?);
+            if shutdown.is_requested() {
+                return Ok(None);
+            }
+        }
+        for (name, path, make) in [
+            ("garden", &arguments.garden, Sequence::garden as Make),
+            ("hall", &arguments.hall, Sequence::hall),
+        ] {
+            let Some(path) = path else { continue };
+            let known = inputs.maps.iter().find(|map| map.path.as_ref() == Some(path));
+            let map = match known {
+                Some(known) => known.for_lights().clone(),
+                None => read_panorama_as(path, &[sequence::SHAPE])?.swap_remove(0),
+            };
+            inputs.sequences.push(Moving::Made(Made { name, path: path.clone(), map, make }));
+        }
+        Ok((!shutdown.is_requested()).then_some(inputs))
+    }
+}
+
+/// Refuses what would turn out too short when everything before it was measured.
+fn check_length((frames, frame_rate_hz): (usize, f64), arguments: &Arguments) -> Result<()> {
+    let (least, limit) = (Sequence::least_frames(frame_rate_hz)?, arguments.frame_limit());
+    if frames < least {
+        return Err(Error::usage(format!(
+            "has {frames} frames at {frame_rate_hz} frames per second; at least {least} are needed"
+        )));
+    }
+    if limit < least {
+        return Err(Error::usage(format!(
+            "--frames {limit} are too few at {frame_rate_hz} frames per second; give at least {least}"
+        )));
+    }
+    Ok(())
 }
 
 /// A folder, a pattern (`name.####.exr`, `name.%04d.exr`) or a configuration.
 fn is_sequence(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.is_dir()
-        || path.extension().is_some_and(|extension| extension == "toml")
-        || (!path.is_file() && (name.contains('#') || name.contains('%')))
+    path.is_dir() || is_configuration(path) || (!path.is_file() && (name.contains('#') || name.contains('%')))
+}
+
+fn is_configuration(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "toml") && !path.is_dir()
 }
 
 impl Map {
-    pub fn name(&self) -> String {
-        match self {
-            Self::File(path) => path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
-            Self::BuiltIn(built_in) => built_in.name.to_owned(),
-        }
+    fn read(path: &Path) -> Result<Self> {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        Ok(Self { name, path: Some(path.to_owned()), maps: read_panorama_as(path, SHAPES)? })
     }
 
-    /// What names it on a command line; nothing names what is built in.
-    pub fn words(&self) -> Option<&Path> {
-        match self {
-            Self::File(path) => Some(path),
-            Self::BuiltIn(_) => None,
-        }
+    fn built_in(built_in: &BuiltIn) -> Result<Self> {
+        let map = |&shape: &PolarShape| Ok(built_in.maps(shape, 1, || true)?.swap_remove(0));
+        let maps = SHAPES.iter().map(map).collect::<Result<_>>()?;
+        Ok(Self { name: built_in.name.to_owned(), path: None, maps })
     }
 
-    pub fn read(&self, shape: PolarShape) -> Result<PolarMap> {
-        match self {
-            Self::File(path) => read_panorama(path, shape),
-            Self::BuiltIn(built_in) => Ok(built_in.maps(shape, 1)?.swap_remove(0)),
-        }
+    pub fn for_lights(&self) -> &PolarMap {
+        &self.maps[0]
+    }
+
+    #[cfg(feature = "render")]
+    pub fn for_pictures(&self) -> &PolarMap {
+        &self.maps[1]
     }
 }
 
 impl Moving {
     pub fn name(&self) -> String {
         match self {
-            Self::Recorded(path) => path.display().to_string(),
-            Self::Made { name, map, .. } => {
-                let map = map.file_stem().unwrap_or(map.as_os_str()).to_string_lossy();
+            Self::Recorded(recorded) => recorded.path().display().to_string(),
+            Self::Made(Made { name, path, .. }) => {
+                let map = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy();
                 format!("{name} (of {map})")
             }
             Self::BuiltIn(built_in) => built_in.name.to_owned(),
         }
     }
 
-    /// Reads at most `limit` frames and works out their truth; `None` when `shutdown` is requested meanwhile.
-    pub fn read(&self, arguments: &Arguments, shutdown: &Shutdown) -> Result<Option<Sequence>> {
-        let limit = arguments.frames as usize;
+    /// Reads as many frames as `arguments` say and works out their truth; `None` when `shutdown` is requested meanwhile.
+    pub fn read(&mut self, arguments: &Arguments, shutdown: &Shutdown) -> Result<Option<Sequence>> {
+        let (limit, goes_on) = (arguments.frame_limit(), || !shutdown.is_requested());
         let maps = match self {
-            Self::Made { map, make, .. } => return make(&read_panorama(map, SHAPE)?).map(Some),
-            Self::Recorded(path) => sequences::read(path, arguments.frame_rate, limit, shutdown)?,
-            Self::BuiltIn(built_in) => built_in.maps(SHAPE, limit)?,
+            Self::Made(Made { map, make, .. }) => return make(map, &goes_on),
+            Self::Recorded(recorded) => recorded.read(limit, shutdown)?,
+            Self::BuiltIn(built_in) => built_in.maps(stills::SHAPE, limit, goes_on)?,
         };
-        match Sequence::from_maps(maps, || !shutdown.is_requested()) {
-            Err(_) if shutdown.is_requested() => Ok(None),
-            Err(error) => Err(error.at(self.name())),
-            Ok(sequence) => Ok(Some(sequence)),
+        if shutdown.is_requested() {
+            return Ok(None);
         }
+        Sequence::from_maps(maps, &goes_on).map_err(|error| error.at(self.name()))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_asks_for_an_end_while_inputs_are_read_gets_it() {
+        let arguments = crate::cli::report::tests::arguments(&[]);
+        let (shutdown, read) = (Shutdown::new(), std::cell::Cell::new(0));
+        let inputs = Inputs::open(&arguments, &shutdown, |_| {
+            read.set(read.get() + 1);
+            shutdown.request();
+        });
+        assert!(inputs.unwrap().is_none() && read.get() == 1);
+        let map = PolarMap::from_fn(stills::SHAPE, |row, _| [row as f32; 3]);
+        let made = Made { name: "hall", path: PathBuf::from("hall.hdr"), map, make: Sequence::hall };
+        for mut moving in [Moving::Made(made), Moving::BuiltIn(built_in::SEQUENCES[0])] {
+            assert!(moving.read(&arguments, &shutdown).unwrap().is_none(), "{}", moving.name());
+        }
+    }
 
     #[test]
     fn folders_patterns_and_configurations_are_sequences() {
@@ -133,5 +234,8 @@ mod tests {
             assert!(!is_sequence(Path::new(name)), "{name}");
         }
         assert!(!is_sequence(&odd), "a file of this very name");
+        let folder = folder.path().join("frames.toml");
+        std::fs::create_dir(&folder).unwrap();
+        assert!(is_sequence(&folder) && !is_configuration(&folder));
     }
 }

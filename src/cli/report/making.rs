@@ -1,21 +1,20 @@
 //! Measures one input after another and keeps what is done.
 
-use super::command::{command, command_line, quoted};
-use super::inputs::{Inputs, Map, Moving};
+use super::command::{command_line, of_maps, of_sequence};
+use super::inputs::{Inputs, Made, Map, Moving};
 #[cfg(feature = "render")]
-use super::pictures;
+use super::pictures::Drawing;
 use super::{Arguments, print};
 use crate::cli::messages::PROGRESS;
-use crate::cli::panorama::read_panorama;
 use crate::error::Result;
 use crate::report::document::{Document, Text};
-use crate::report::sequence::{self, Sequence};
+use crate::report::sequence;
 use crate::report::table::Table;
 use crate::report::tables::{self, Origin};
 use crate::report::{folder, sequence_table, stability, stills};
 use crate::rt::Shutdown;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A report that is being made.
 pub(super) struct Report<'a> {
@@ -23,118 +22,146 @@ pub(super) struct Report<'a> {
     pub shutdown: &'a Shutdown,
     pub bar: ProgressBar,
     pub document: Document,
+    /// What draws pictures, where there are to be any.
+    #[cfg(feature = "render")]
+    drawing: Option<Drawing>,
     is_read: bool,
 }
 
 impl<'a> Report<'a> {
-    pub fn new(arguments: &'a Arguments, shutdown: &'a Shutdown, inputs: &Inputs) -> Self {
+    pub fn new(arguments: &'a Arguments, shutdown: &'a Shutdown) -> Self {
         let mut counts = arguments.lights.clone();
         counts.sort_unstable();
         counts.dedup();
-        let rows = inputs.maps.len() * stills::METHODS.len() * counts.len()
-            + inputs.sequences.len() * sequence::Method::ALL.len() * counts.len();
         let style = ProgressStyle::with_template("{bar:40} {percent}% {msg}, {elapsed}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
-        let bar = PROGRESS.add(ProgressBar::new(rows as u64)).with_style(style);
-        Self { arguments, shutdown, bar, document: Document::new(command_line(), counts), is_read: true }
+        Self {
+            arguments,
+            shutdown,
+            bar: PROGRESS.add(ProgressBar::new(0)).with_style(style),
+            document: Document::new(command_line(), counts),
+            #[cfg(feature = "render")]
+            drawing: None,
+            is_read: true,
+        }
+    }
+
+    /// Opens all inputs and what draws pictures; `None` when it was interrupted.
+    pub fn open(&mut self) -> Result<Option<Inputs>> {
+        let reading = |name: &str| self.bar.set_message(format!("reading {name}"));
+        let inputs = Inputs::open(self.arguments, self.shutdown, reading);
+        // An error is told below the bar.
+        let Some(inputs) = inputs.inspect_err(|_| self.bar.finish_and_clear())? else {
+            self.bar.finish_and_clear();
+            return Ok(None);
+        };
+        let counts = self.document.lights.len();
+        let rows = inputs.maps.len() * stills::METHODS.len() * counts
+            + inputs.sequences.len() * sequence::Method::ALL.len() * counts;
+        #[cfg(feature = "render")]
+        let rows = {
+            self.drawing =
+                Drawing::open(self, inputs.maps.len()).inspect_err(|_| self.bar.finish_and_clear())?;
+            rows + self.drawing.as_ref().map_or(0, |drawing| drawing.rows(inputs.maps.len()))
+        };
+        #[cfg(not(feature = "render"))]
+        {
+            self.document.pictures_skipped =
+                Some("this program was built without its renderer (feature `render`).".to_owned());
+        }
+        self.bar.set_length(rows as u64);
+        Ok(Some(inputs))
     }
 
     /// Whether everything was measured; false when it was interrupted, or nobody reads the tables any more.
-    pub fn measure(&mut self, inputs: &Inputs) -> Result<bool> {
-        let maps: Vec<_> = inputs.maps.iter().map(|map| map.read(stills::SHAPE)).collect::<Result<_>>()?;
+    pub fn measure(&mut self, inputs: &mut Inputs) -> Result<bool> {
         let mut rows = Vec::new();
-        for (map, pixels) in inputs.maps.iter().zip(&maps) {
-            let origin = self.origin(map.name(), map.words());
+        for (done, map) in (1..).zip(&inputs.maps) {
+            let origin = self.origin_of_map(map);
             self.bar.set_message(format!("map {}", origin.name));
             let (counts, shutdown, bar) = (&self.document.lights, self.shutdown, &self.bar);
             let goes_on = || {
                 bar.inc(1);
                 !shutdown.is_requested()
             };
-            let Some((table, of_map)) = tables::of_map(origin, pixels, counts, goes_on)? else {
+            let Some((table, of_map)) = tables::of_map(origin, map.for_lights(), counts, goes_on)? else {
                 return Ok(false);
             };
             rows.extend(of_map);
-            if !self.add(table, |document| &mut document.maps)? {
+            let command = of_maps(self.arguments, inputs.maps[..done].iter());
+            if !self.add(table.lines(), |document| document.add_map(table, command))? {
                 return Ok(false);
             }
         }
         self.means(&inputs.maps, &rows)?;
-        for moving in &inputs.sequences {
-            if !self.sequence(moving)? {
+        let mut published = Vec::new();
+        for moving in &mut inputs.sequences {
+            if !self.sequence(moving, &mut published)? {
                 return Ok(false);
             }
         }
-        if !self.published_sequences()? || !self.hard_cases()? {
+        if !self.published_sequences(inputs, &published)? || !self.hard_cases()? {
             return Ok(false);
         }
         #[cfg(feature = "render")]
-        return pictures::measure(self, &inputs.maps);
-        #[cfg(not(feature = "render"))]
-        {
-            self.document.pictures_skipped =
-                Some("this program was built without its renderer (feature `render`).".to_owned());
-            Ok(true)
+        if let Some(drawing) = self.drawing.take() {
+            return drawing.measure(self, &inputs.maps);
         }
+        Ok(true)
     }
 
-    fn sequence(&mut self, moving: &Moving) -> Result<bool> {
-        self.bar.set_message(format!("reading {}", moving.name()));
+    /// The table of a sequence; its rows beside published figures, where it has these, are added to `published`.
+    fn sequence(&mut self, moving: &mut Moving, published: &mut Vec<sequence_table::Row>) -> Result<bool> {
+        let name = moving.name();
+        self.bar.set_message(format!("reading {name}"));
         let Some(sequence) = moving.read(self.arguments, self.shutdown)? else { return Ok(false) };
-        self.bar.set_message(format!("sequence {}", moving.name()));
-        let origin = match moving {
-            Moving::Recorded(path) => self.origin(moving.name(), Some(path.as_path())),
-            Moving::BuiltIn(_) => self.origin(moving.name(), None),
-            Moving::Made { .. } => self.of_garden_and_hall(moving.name()),
+        self.bar.set_message(format!("sequence {name}"));
+        let origin = Origin { name, command: of_sequence(self.arguments, moving) };
+        let (shutdown, bar) = (self.shutdown, &self.bar);
+        let goes_on = || !shutdown.is_requested();
+        let counts = &self.document.lights;
+        let Some((table, known)) = tables::of_sequence(origin, &sequence, counts, &goes_on, || bar.inc(1))?
+        else {
+            return Ok(false);
         };
-        self.table_of(origin, &sequence)
-    }
-
-    fn table_of(&mut self, origin: Origin, sequence: &Sequence) -> Result<bool> {
-        let (counts, shutdown, bar) = (&self.document.lights, self.shutdown, &self.bar);
-        let goes_on = || {
-            bar.inc(1);
-            !shutdown.is_requested()
-        };
-        match tables::of_sequence(origin, sequence, counts, goes_on)? {
-            Some(table) => self.add(table, |document| &mut document.sequences),
-            None => Ok(false),
+        let is_to_go_on = self.add(table.lines(), |document| document.sequences.push(table))?;
+        if let Moving::Made(Made { name, path, .. }) = moving
+            && sequence_table::is_published(name, &stem(path))
+        {
+            let Some(rows) = sequence_table::rows(name, &sequence, &known, &goes_on)? else {
+                return Ok(false);
+            };
+            published.extend(rows);
         }
+        Ok(is_to_go_on)
     }
 
     /// The means over the maps; of the thirteen that there are published figures for these too.
     fn means(&mut self, maps: &[Map], rows: &[stills::Row]) -> Result<()> {
-        if maps.len() < 2 {
-            return Ok(());
-        }
-        let command = command(self.arguments, maps.iter().filter_map(Map::words));
-        let name = format!("geometric means over {} maps", maps.len());
-        self.document.means = Table::mean(name, command.clone(), &self.document.maps);
         let lines = self.document.means.as_ref().map(Table::lines).unwrap_or_default();
         self.show(&lines)?;
-        let lines = stills::mean_lines(rows, maps.len());
-        if maps.len() == 13 && lines.len() > 1 {
+        let names: Vec<String> = maps.iter().filter_map(|map| map.path.as_deref().map(stem)).collect();
+        let lines = stills::mean_lines(rows);
+        if stills::are_published(&names) && lines.len() > 1 {
             let title = "Single maps beside published figures".to_owned();
             self.show(&lines)?;
+            let command = of_maps(self.arguments, maps.iter());
             self.document.texts.push(Text { title, command, lines });
         }
         self.save()
     }
 
     /// METHODS' table of the garden and the hall.
-    fn published_sequences(&mut self) -> Result<bool> {
-        let Some((garden, hall)) = self.arguments.garden.as_ref().zip(self.arguments.hall.as_ref()) else {
-            return Ok(true);
-        };
-        self.bar.set_message("garden and hall, 128 lights");
-        let read = |path: &PathBuf| read_panorama(path, sequence::SHAPE);
-        let rows = sequence_table::measure(&read(garden)?, &read(hall)?)?;
-        let (lines, title) =
-            (sequence_table::lines(&rows), "Sequences beside published figures, 128 lights".to_owned());
-        self.show(&lines)?;
-        let command = self.of_garden_and_hall(String::new()).command;
-        self.document.texts.push(Text { title, command, lines });
-        self.save()?;
+    fn published_sequences(&mut self, inputs: &Inputs, rows: &[sequence_table::Row]) -> Result<bool> {
+        let made = inputs.sequences.iter().find(|moving| matches!(moving, Moving::Made(_)));
+        if let Some(made) = made.filter(|_| !rows.is_empty()) {
+            let lines = sequence_table::lines(rows);
+            self.show(&lines)?;
+            let title = format!("Sequences beside published figures, {} lights", sequence::LIGHTS);
+            let command = of_sequence(self.arguments, made);
+            self.document.texts.push(Text { title, command, lines });
+            self.save()?;
+        }
         Ok(self.goes_on())
     }
 
@@ -142,31 +169,21 @@ impl<'a> Report<'a> {
     fn hard_cases(&mut self) -> Result<bool> {
         if !self.arguments.tables {
             self.bar.set_message("hard cases");
-            self.document.stability = stability::measure()?;
+            self.document.stability = stability::measure(|| !self.shutdown.is_requested())?;
             self.save()?;
         }
         Ok(self.goes_on())
     }
 
-    fn of_garden_and_hall(&self, name: String) -> Origin {
-        let mut origin = self.origin(name, None);
-        for (option, path) in [("--garden", &self.arguments.garden), ("--hall", &self.arguments.hall)] {
-            if let Some(path) = path {
-                origin.command += &format!(" {option} {}", quoted(&path.to_string_lossy()));
-            }
-        }
-        origin
+    pub fn origin_of_map(&self, map: &Map) -> Origin {
+        Origin { name: map.name.clone(), command: of_maps(self.arguments, std::iter::once(map)) }
     }
 
-    pub fn origin(&self, name: String, words: Option<&Path>) -> Origin {
-        Origin { name, command: command(self.arguments, words.into_iter()) }
-    }
-
-    /// Keeps a table and shows it; whether to go on.
-    pub fn add(&mut self, table: Table, place: fn(&mut Document) -> &mut Vec<Table>) -> Result<bool> {
-        self.show(&table.lines())?;
+    /// Shows a table's lines and keeps it; whether to go on.
+    pub fn add(&mut self, lines: Vec<String>, keep: impl FnOnce(&mut Document)) -> Result<bool> {
+        self.show(&lines)?;
         tracing::info!("{}: measured", self.bar.message());
-        place(&mut self.document).push(table);
+        keep(&mut self.document);
         self.save()?;
         Ok(self.goes_on())
     }
@@ -212,4 +229,9 @@ impl<'a> Report<'a> {
         print(&lines)?;
         Ok(())
     }
+}
+
+/// A file's name without its extension.
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

@@ -1,74 +1,100 @@
 //! Pictures for a report.
 
-use super::command::command;
+use super::Arguments;
+use super::command::of_maps;
 use super::inputs::Map;
 use super::making::Report;
 use crate::error::Result;
 use crate::gpu::{Backend, Gpu};
-use crate::image::PolarShape;
 use crate::report::frame_time::{heading, is_in_software};
-use crate::report::picture_tables::{of_map, options};
+use crate::report::picture_tables::{self, MOST_LIGHTS, SHAPE, SIZE, of_map, options};
 use crate::report::pictures::Pictures;
+use crate::report::stills::METHODS;
 use crate::report::table::Table;
-use crate::report::tables::Origin;
+use crate::report::tables::{self, Origin};
 use crate::scene::Scene;
 
-/// Size of the maps: the reference has a light for every pixel.
-const SHAPE: PolarShape = PolarShape::hemisphere(120, 30);
+/// What draws the built-in scene.
+pub(super) struct Drawing {
+    pictures: Pictures,
+    /// The adapter's name.
+    adapter: String,
+    /// Numbers of lights.
+    counts: Vec<usize>,
+}
 
-/// Draws the built-in scene under every map, where the arguments and the adapter allow it; whether to go on.
-pub(super) fn measure(report: &mut Report, maps: &[Map]) -> Result<bool> {
-    let is_wanted = report.arguments.pictures;
-    if maps.is_empty() || (report.arguments.tables && !is_wanted) {
-        return Ok(true);
-    }
-    let gpu = match Gpu::open(&Gpu::instance(Backend::Vulkan), None) {
-        Ok(gpu) => gpu,
-        Err(error) if is_wanted => return Err(error),
-        Err(error) => {
-            report.document.pictures_skipped = Some(format!("{error}."));
-            return Ok(true);
+impl Drawing {
+    /// Opens the device, where the arguments and the adapter allow pictures; says in the document why where not.
+    pub fn open(report: &mut Report, map_count: usize) -> Result<Option<Self>> {
+        let Arguments { pictures: is_wanted, tables, .. } = *report.arguments;
+        if map_count == 0 || (tables && !is_wanted) {
+            return Ok(None);
         }
-    };
-    let adapter = heading(&gpu).swap_remove(0);
-    if is_in_software(&gpu) && !is_wanted {
-        report.document.pictures_skipped = Some(format!(
-            "the only Vulkan adapter is a driver in software, {adapter}, which takes a minute or more a map. The same command \
-             with --pictures draws them."
-        ));
-        return Ok(true);
-    }
-    report.document.machine.adapter = Some(adapter.clone());
-    let mut pictures = Pictures::new(gpu, Scene::built_in(), &options())?;
-    for map in maps {
-        let Origin { name, command } = report.origin(map.name(), map.words());
-        report.bar.set_message(format!("pictures under {name}"));
-        let origin = Origin { name, command: with_pictures(&command) };
-        let (counts, shutdown) = (report.document.lights.clone(), report.shutdown);
-        let goes_on = || !shutdown.is_requested();
-        let Some(mut table) = of_map(origin, &mut pictures, &map.read(SHAPE)?, &counts, goes_on)? else {
-            return Ok(false);
+        let gpu = match Gpu::open(&Gpu::instance(Backend::Vulkan), None) {
+            Ok(gpu) => gpu,
+            Err(error) if is_wanted => return Err(error),
+            Err(error) => {
+                report.document.pictures_skipped = Some(format!("{error}."));
+                return Ok(None);
+            }
         };
-        table.notes = format!(
-            "The built-in scene in {} x {} pixels, maps of {} x {}; drawn by {adapter}. The time is that of the lights, not \
-             of the picture.",
-            options().width_px,
-            options().height_px,
-            SHAPE.columns,
-            SHAPE.rows
-        );
-        if !report.add(table, |document| &mut document.pictures)? {
-            return Ok(false);
+        let adapter = heading(&gpu).swap_remove(0);
+        if is_in_software(&gpu) && !is_wanted {
+            report.document.pictures_skipped = Some(format!(
+                "the only Vulkan adapter is a driver in software, {adapter}, which takes half a minute or more a map. The \
+                 same command with --pictures draws them."
+            ));
+            return Ok(None);
         }
+        let all = &report.document.lights;
+        let counts = if *all == tables::COUNTS {
+            picture_tables::COUNTS.to_vec()
+        } else {
+            all.iter().copied().filter(|&count| count <= MOST_LIGHTS).collect()
+        };
+        if counts.is_empty() {
+            report.document.pictures_skipped =
+                Some(format!("they have at most {MOST_LIGHTS} lights, and more were asked for."));
+            return Ok(None);
+        }
+        report.document.machine.adapter = Some(adapter.clone());
+        let most = counts.iter().copied().max().unwrap_or(MOST_LIGHTS);
+        let pictures = Pictures::new(gpu, Scene::built_in(), &options(most))?;
+        Ok(Some(Self { pictures, adapter, counts }))
     }
-    if maps.len() > 1 {
-        let name = format!("geometric means over pictures under {} maps", maps.len());
-        let command = with_pictures(&command(report.arguments, maps.iter().filter_map(Map::words)));
-        report.document.picture_means = Table::mean(name, command, &report.document.pictures);
+
+    /// Rows of all tables together.
+    pub fn rows(&self, map_count: usize) -> usize {
+        map_count * METHODS.len() * self.counts.len()
+    }
+
+    /// Draws under every map; whether to go on.
+    pub fn measure(mut self, report: &mut Report, maps: &[Map]) -> Result<bool> {
+        for (done, map) in (1..).zip(maps) {
+            let Origin { name, command } = report.origin_of_map(map);
+            report.bar.set_message(format!("pictures under {name}"));
+            let origin = Origin { name, command: with_pictures(&command) };
+            let (shutdown, bar) = (report.shutdown, &report.bar);
+            let goes_on = || !shutdown.is_requested();
+            let (pictures, pixels) = (&mut self.pictures, map.for_pictures());
+            let Some(mut table) = of_map(origin, pictures, pixels, &self.counts, goes_on, || bar.inc(1))?
+            else {
+                return Ok(false);
+            };
+            table.notes = format!(
+                "The built-in scene in {} x {} pixels, maps of {} x {}, at most {MOST_LIGHTS} lights; drawn by {}. The time is \
+                 that of the lights, not of the picture.",
+                SIZE[0], SIZE[1], SHAPE.columns, SHAPE.rows, self.adapter
+            );
+            let command = with_pictures(&of_maps(report.arguments, maps[..done].iter()));
+            if !report.add(table.lines(), |document| document.add_pictures(table, command))? {
+                return Ok(false);
+            }
+        }
         let lines = report.document.picture_means.as_ref().map(Table::lines).unwrap_or_default();
         report.show(&lines)?;
+        Ok(report.goes_on())
     }
-    Ok(report.goes_on())
 }
 
 fn with_pictures(command: &str) -> String {

@@ -1,4 +1,4 @@
-//! Maps of recorded sequences: numbered panoramas, or whatever a configuration describes.
+//! Recorded sequences: numbered panoramas, or whatever a configuration describes.
 
 use crate::camera::{FrameToPolar, Projection, Response};
 use crate::config::{Config, Links, Pace, Source as ConfiguredSource};
@@ -9,28 +9,76 @@ use crate::rt::{Shutdown, link};
 use crate::service::{Copies, Output, Service};
 use crate::source::{Next, Sequence, SequenceOptions, Source};
 use glam::DMat3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// At most `limit` maps, fewer when `shutdown` is requested. `frame_rate_hz` goes before what files of panoramas say.
-pub(super) fn read(
-    path: &Path,
-    frame_rate_hz: Option<f64>,
-    limit: usize,
-    shutdown: &Shutdown,
-) -> Result<Vec<PolarMap>> {
-    if path.extension().is_some_and(|extension| extension == "toml") {
-        configured(path, limit, shutdown)
-    } else {
-        panoramas(path, frame_rate_hz, limit, shutdown)
+/// A sequence that is open.
+pub(super) struct Recorded {
+    path: PathBuf,
+    source: Frames,
+    /// Frames, readable or not, and how many there are a second.
+    length: (usize, f64),
+}
+
+enum Frames {
+    /// Lat-long panoramas of radiance.
+    Panoramas(Sequence),
+    /// What a configuration describes.
+    Configured(Box<Config>),
+}
+
+impl Recorded {
+    /// Opens a folder, a pattern or a configuration and checks all that its first picture can tell. `frame_rate_hz` goes
+    /// before what files of panoramas say.
+    pub fn open(path: &Path, frame_rate_hz: Option<f64>) -> Result<Self> {
+        let is_configuration =
+            path.extension().is_some_and(|extension| extension == "toml") && !path.is_dir();
+        let (source, length) = if is_configuration {
+            let (config, length) = configuration(path)?;
+            (Frames::Configured(Box::new(config)), length)
+        } else {
+            let sequence = panoramas(path, frame_rate_hz)?;
+            let length = length(&sequence);
+            (Frames::Panoramas(sequence), length)
+        };
+        Ok(Self { path: path.to_owned(), source, length })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub fn is_configured(&self) -> bool {
+        matches!(self.source, Frames::Configured(_))
+    }
+
+    /// Number of frames, readable or not, and frames per second.
+    pub fn length(&self) -> (usize, f64) {
+        self.length
+    }
+
+    /// At most `limit` maps, fewer when `shutdown` is requested.
+    pub fn read(&mut self, limit: usize, shutdown: &Shutdown) -> Result<Vec<PolarMap>> {
+        match &mut self.source {
+            Frames::Panoramas(sequence) => average(sequence, limit, shutdown),
+            Frames::Configured(config) => run(config, limit, shutdown),
+        }
     }
 }
 
-/// Runs the service that `run --config` would, as fast as it goes, and keeps its maps.
-fn configured(path: &Path, limit: usize, shutdown: &Shutdown) -> Result<Vec<PolarMap>> {
+fn length(sequence: &Sequence) -> (usize, f64) {
+    (sequence.file_count(), sequence.format().frame_rate_hz)
+}
+
+/// A configuration whose service would start, with maps of this report's shape.
+fn configuration(path: &Path) -> Result<(Config, (usize, f64))> {
     let mut config = Config::load(path)?;
-    match &mut config.source {
-        ConfiguredSource::Sequence(options) => options.repeat = false,
+    (config.map, config.links, config.pace) = (SHAPE, Links::Replay, Pace::Fast);
+    let length = match &mut config.source {
+        ConfiguredSource::Sequence(options) => {
+            options.repeat = false;
+            length(&Sequence::open(options)?)
+        }
         #[cfg(feature = "camera")]
         ConfiguredSource::Camera(..) => {
             return Err(Error::usage(
@@ -38,13 +86,18 @@ fn configured(path: &Path, limit: usize, shutdown: &Shutdown) -> Result<Vec<Pola
             )
             .at(path.display()));
         }
-    }
-    (config.map, config.links, config.pace) = (SHAPE, Links::Replay, Pace::Fast);
+    };
+    Service::check(&config)?;
+    Ok((config, length))
+}
+
+/// Runs the service that `run --config` would, as fast as it goes, and keeps its maps.
+fn run(config: &Config, limit: usize, shutdown: &Shutdown) -> Result<Vec<PolarMap>> {
     let own = Shutdown::new();
     let (sender, mut receiver) = link::bounded(2, &own, || PolarMap::black(SHAPE));
     let copies = Copies { maps: Some(sender), ..Copies::default() };
     let nowhere = || Ok(Output { writer: Box::new(std::io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, copies, &own)?;
+    let service = Service::start(config, nowhere, copies, &own)?;
     let mut maps = Vec::new();
     while maps.len() < limit && !shutdown.is_requested() {
         let Some(map) = receiver.receive() else { break };
@@ -56,35 +109,44 @@ fn configured(path: &Path, limit: usize, shutdown: &Shutdown) -> Result<Vec<Pola
     Ok(maps)
 }
 
-/// Averages numbered lat-long panoramas of radiance.
-fn panoramas(
-    path: &Path,
-    frame_rate_hz: Option<f64>,
-    limit: usize,
-    shutdown: &Shutdown,
-) -> Result<Vec<PolarMap>> {
-    let options = SequenceOptions { path: path.to_owned(), frame_rate_hz, ..SequenceOptions::default() };
-    let mut source = Sequence::open(&options).map_err(|error| match error.kind() {
-        Kind::Usage => Error::usage(format!("{error} (with --frame-rate)")),
-        _ => error,
+/// Opens numbered lat-long panoramas of radiance.
+fn panoramas(path: &Path, frame_rate_hz: Option<f64>) -> Result<Sequence> {
+    let open = |frame_rate_hz| {
+        Sequence::open(&SequenceOptions {
+            path: path.to_owned(),
+            frame_rate_hz,
+            ..SequenceOptions::default()
+        })
+    };
+    let sequence = open(frame_rate_hz).map_err(|error| {
+        // A pattern that means nothing is no matter of rates.
+        if frame_rate_hz.is_none() && error.kind() == Kind::Usage && open(Some(1.0)).is_ok() {
+            return Error::usage("the files say no frame rate; give --frame-rate HZ").at(path.display());
+        }
+        error
     })?;
-    let format = source.format();
-    if format.is_codes {
+    if sequence.format().is_codes {
         return Err(Error::usage(
             "holds raw sensor codes; name a configuration that says what they mean, such as config/replay.toml",
         )
         .at(path.display()));
     }
+    Ok(sequence)
+}
+
+/// Averages panoramas to maps.
+fn average(sequence: &mut Sequence, limit: usize, shutdown: &Shutdown) -> Result<Vec<PolarMap>> {
+    let format = sequence.format();
     let projection =
         Projection::LatLong { width: format.width, height: format.height, centres: format.latlong_centres };
     let mut frame_to_polar = FrameToPolar::new(&projection, DMat3::IDENTITY, SHAPE)?;
-    let (mut frame, mut maps) = (Frame::default(), Vec::new());
+    let (mut frame, mut maps, response) = (Frame::default(), Vec::new(), Response::default());
     while maps.len() < limit && !shutdown.is_requested() {
-        match source.next(&mut frame) {
+        match sequence.next(&mut frame) {
             Ok(Next::End) => break,
             Ok(Next::Frame) => {
                 let mut map = PolarMap::black(SHAPE);
-                frame_to_polar.apply(&frame, &Response::default(), &mut map)?;
+                frame_to_polar.apply(&frame, &response, &mut map)?;
                 maps.push(map);
             }
             Err(error) if error.kind() == Kind::BadFrame => tracing::warn!("{error}"),
@@ -115,20 +177,28 @@ mod tests {
         }
         std::fs::write(folder.path().join("sky.0003.exr"), "nothing").unwrap();
         let shutdown = Shutdown::new();
-        let maps = read(folder.path(), None, 100, &shutdown).unwrap();
+        let read = |rate_hz, limit| {
+            let mut recorded = Recorded::open(folder.path(), rate_hz).unwrap();
+            (recorded.length(), recorded.read(limit, &shutdown).unwrap())
+        };
+        let (length, maps) = read(None, 100);
+        assert_eq!(length, (5, 25.0));
         let stamps: Vec<(u64, u64)> =
             maps.iter().map(|map| (map.stamp.sequence, map.stamp.lost_before)).collect();
         assert_eq!(stamps, [(1, 0), (2, 0), (4, 1), (5, 0)]);
         assert!(maps.iter().all(|map| map.stamp.frame_rate_hz == 25.0));
-        assert_eq!(read(folder.path(), Some(50.0), 2, &shutdown).unwrap()[1].stamp.frame_rate_hz, 50.0);
+        let (length, maps) = read(Some(50.0), 2);
+        assert_eq!((length, maps.len(), maps[1].stamp.frame_rate_hz), ((5, 50.0), 2, 50.0));
         shutdown.request();
-        assert!(read(folder.path(), None, 100, &shutdown).unwrap().is_empty());
+        assert!(read(None, 100).1.is_empty());
     }
 
     #[test]
     fn a_configuration_gives_the_maps_that_run_would_see() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/replay.toml");
-        let maps = read(&path, None, 12, &Shutdown::new()).unwrap();
+        let mut recorded = Recorded::open(&path, None).unwrap();
+        assert!(recorded.is_configured() && recorded.length().0 >= 100);
+        let maps = recorded.read(12, &Shutdown::new()).unwrap();
         assert_eq!(maps.len(), 12);
         assert!(maps.iter().all(|map| map.shape == SHAPE && map.stamp.lost_before == 0));
         assert!(maps.windows(2).all(|pair| pair[0].pixels != pair[1].pixels));
@@ -137,14 +207,16 @@ mod tests {
     #[test]
     fn raw_codes_and_unknown_rates_are_refused_with_a_way_out() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/day");
-        let error = read(&folder, Some(25.0), 3, &Shutdown::new()).unwrap_err();
+        let error = Recorded::open(&folder, Some(25.0)).err().unwrap();
         assert!(error.kind() == Kind::Usage && error.to_string().contains("configuration"), "{error}");
         let folder = tempfile::tempdir().unwrap();
         for number in 1..=2 {
             write_exr(&folder.path().join(format!("a.{number}.exr")), &panorama(number), None, false)
                 .unwrap();
         }
-        let error = read(folder.path(), None, 3, &Shutdown::new()).unwrap_err().to_string();
-        assert!(error.contains("--frame-rate"), "{error}");
+        let error = |path: &Path| Recorded::open(path, None).err().unwrap().to_string();
+        assert!(error(folder.path()).contains("--frame-rate"), "{}", error(folder.path()));
+        let nothing = error(&folder.path().join("b.###.exr"));
+        assert!(nothing.contains("b.###.exr") && !nothing.contains("--frame-rate"), "{nothing}");
     }
 }

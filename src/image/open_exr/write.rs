@@ -43,8 +43,16 @@ pub fn encode_map_exr(map: &PolarMap) -> Result<Vec<u8>> {
         pixels: Pixels::Radiance(map.pixels.as_flattened().to_vec()),
         ..Frame::default()
     };
+    encode_exr(&frame, false)
+}
+
+/// A frame as [`write_exr`] writes it without a rate, in memory; sensor codes become `uint` channels.
+///
+/// # Errors
+/// A frame of the wrong length.
+pub fn encode_exr(frame: &Frame, half: bool) -> Result<Vec<u8>> {
     let mut bytes = Cursor::new(Vec::new());
-    encode(&mut bytes, &frame, || Ok(LayerAttributes::default()), Compression::ZIP16, false)?;
+    encode(&mut bytes, frame, || Ok(LayerAttributes::default()), Compression::ZIP16, half)?;
     Ok(bytes.into_inner())
 }
 

@@ -50,7 +50,7 @@ fn neither_relaxation_nor_growth_raises_the_energy() {
         let mut last = energy(&map, &sites[..1]);
         let start = last;
         while used < count {
-            let grown = grow(map.shape, &mut sites, used, &lights);
+            let grown = grow(map.shape, &mut sites, used, 0, &lights).unwrap();
             assert!(grown > used);
             used = grown;
             for _ in 0..3 {
@@ -84,6 +84,26 @@ fn a_sun_of_one_pixel_is_split_no_further() {
     let bright = lights.iter().filter(|light| light.luminance() > 1e3).count();
     let dark = lights.iter().filter(|light| light.luminance() == 0.0).count();
     assert!(bright == 1 && dark < 8, "{bright} bright, {dark} dark");
+}
+
+#[test]
+fn two_lamps_are_two_lights_wherever_they_are() {
+    let shape = PolarShape::hemisphere(36, 9);
+    for second in 0..shape.len() {
+        let first = 4 * 36 + 20;
+        let mut map = PolarMap::black(shape);
+        (map.pixels[first], map.pixels[second]) = ([5.0; 3], [7.0; 3]);
+        for count in [2, 3, 7] {
+            let lights = run(&map, count);
+            let lit: Vec<&Light> = lights.iter().filter(|light| light.luminance() > 0.0).collect();
+            assert_eq!(
+                lit.len(),
+                if first == second { 1 } else { 2 },
+                "{second}, {count} lights: {lights:?}"
+            );
+            assert!(lit.iter().all(|light| light.spread_rad == 0.0), "{second}, {count} lights: {lit:?}");
+        }
+    }
 }
 
 #[test]

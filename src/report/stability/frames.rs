@@ -2,10 +2,13 @@
 
 use super::super::plain_paper;
 use super::maps::reference;
-use super::{Bound, Row, row};
+use super::{Bound, Case, Row, row};
 use crate::camera::{FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response};
 use crate::error::Result;
-use crate::image::{Frame, LatLongCentres, Pixels, PolarMap, PolarShape, luminance_f64};
+use crate::image::{
+    Frame, LatLongCentres, Pixels, PolarMap, PolarShape, decode_exr, encode_exr, luminance_f64,
+};
+use crate::stage::radiance_within_half;
 use glam::{DMat3, DVec2};
 
 fn frame(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Frame {
@@ -13,28 +16,73 @@ fn frame(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Fr
     Frame { width, height, pixels: Pixels::Radiance(values), ..Frame::default() }
 }
 
-/// Samples that are no radiance in a panorama of 64 x 32: the light of the others is kept.
-fn samples([case, input]: [&'static str; 2], value: impl Fn(usize, usize) -> f32) -> Result<Row> {
-    let (width, height) = (64, 32);
-    let projection = Projection::LatLong { width, height, centres: LatLongCentres::Half };
-    let shape = PolarShape::sphere(32, 16);
-    let mut map = PolarMap::black(shape);
-    FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?.apply(
-        &frame(width, height, &value),
+/// Size of the panoramas.
+const WIDTH: usize = 64;
+const HEIGHT: usize = 32;
+
+/// A panorama of ones with one sample that is not.
+fn ones_but(bad: f32) -> Frame {
+    frame(WIDTH, HEIGHT, |x, y| if [x, y] == [40, 10] { bad } else { 1.0 })
+}
+
+/// Luminous power of the map that a panorama is averaged to.
+fn power_of_map(panorama: &Frame) -> Result<f64> {
+    let centres = LatLongCentres::Half;
+    let projection = Projection::LatLong { width: WIDTH, height: HEIGHT, centres };
+    let mut map = PolarMap::black(PolarShape::sphere(32, 16));
+    FrameToPolar::new(&projection, DMat3::IDENTITY, map.shape)?.apply(
+        panorama,
         &Response::default(),
         &mut map,
     )?;
-    let fine = |value: &dyn Fn(usize, usize) -> f32| {
-        PolarMap::from_fn(PolarShape::sphere(width, height), |row, column| [value(column, row); 3])
-    };
-    let lawful = |x: usize, y: usize| Some(value(x, y)).filter(|v| v.is_finite() && *v >= 0.0).unwrap_or(0.0);
+    Ok(luminance_f64(map.power()))
+}
+
+/// A panorama of one channel as a map of its own pixels, each as `value` has it.
+fn as_map(panorama: &Frame, value: impl Fn(f32) -> f32) -> PolarMap {
+    let Pixels::Radiance(values) = &panorama.pixels else { return PolarMap::black(PolarShape::sphere(1, 1)) };
+    PolarMap::from_fn(PolarShape::sphere(WIDTH, HEIGHT), |row, column| {
+        [value(values[row * WIDTH + column]); 3]
+    })
+}
+
+fn plain_power(panorama: &Frame) -> f64 {
+    f64::from(plain_paper::power(&as_map(panorama, |value| value)))
+}
+
+/// Samples that are no radiance: the light of the others is kept.
+fn of_sample(case: &'static str, input: &'static str, panorama: &Frame) -> Result<Row> {
+    let lawful = |value: f32| if value.is_finite() && value >= 0.0 { value } else { 0.0 };
     Ok(row(
         [case, input, "luminous power of the map"],
-        f64::from(plain_paper::power(&fine(&value))),
-        luminance_f64(map.power()),
-        reference(&fine(&lawful)).0,
+        plain_power(panorama),
+        power_of_map(panorama)?,
+        reference(&as_map(panorama, lawful)).0,
         Bound::Relative(1e-5),
     ))
+}
+
+/// A sample of 1e5, which no half float holds, through files of half floats: one that is recorded here, in which it is the
+/// largest there is, and one that is written without a look, in which it is infinity.
+fn half_floats() -> Result<[Row; 2]> {
+    let case = "half-float overflow";
+    let panorama = ones_but(1e5);
+    let through_file = |frame: &Frame| -> Result<Frame> {
+        let mut back = Frame::default();
+        decode_exr(&encode_exr(frame, true)?, &mut back)?;
+        Ok(back)
+    };
+    let mut within = Frame::default();
+    radiance_within_half(&panorama, &[], &mut within);
+    let (recorded, plain) = (through_file(&within)?, through_file(&panorama)?);
+    let recorded = row(
+        [case, "one sample of 1e5, recorded as half floats", "luminous power of the map with 65,504 for it"],
+        plain_power(&plain),
+        power_of_map(&recorded)?,
+        reference(&as_map(&panorama, |value| value.min(65_504.0))).0,
+        Bound::Relative(1e-5),
+    );
+    Ok([recorded, of_sample(case, "one sample of 1e5, cast to half floats by others", &plain)?])
 }
 
 fn parameters(field_of_view_deg: f64, k: [f64; 4]) -> LensParameters {
@@ -115,21 +163,11 @@ fn folded_lens() -> Row {
     )
 }
 
-pub(super) fn rows() -> Result<Vec<Row>> {
-    let among_ones =
-        |spot: [usize; 2], bad: f32| move |x: usize, y: usize| if [x, y] == spot { bad } else { 1.0 };
-    Ok(vec![
-        samples(["NaN in a file", "one sample among 64 x 32 of 1"], among_ones([20, 10], f32::NAN))?,
-        samples(
-            ["infinity in a file", "one sample among 64 x 32 of 1"],
-            among_ones([20, 10], f32::INFINITY),
-        )?,
-        samples(["negative values in a file", "one sample of -1e6"], among_ones([20, 10], -1e6))?,
-        samples(
-            ["half-float overflow", "one sample of 1e5, written as half: infinity"],
-            among_ones([40, 20], f32::INFINITY),
-        )?,
-        folded_lens(),
-        wide_lens()?,
-    ])
-}
+pub(super) const CASES: [Case; 6] = [
+    || Ok(vec![of_sample("NaN in a file", "one sample among 64 x 32 of 1", &ones_but(f32::NAN))?]),
+    || Ok(vec![of_sample("infinity in a file", "one sample among 64 x 32 of 1", &ones_but(f32::INFINITY))?]),
+    || Ok(vec![of_sample("negative values in a file", "one sample of -1e6", &ones_but(-1e6))?]),
+    || Ok(half_floats()?.into()),
+    || Ok(vec![folded_lens()]),
+    || Ok(vec![wide_lens()?]),
+];

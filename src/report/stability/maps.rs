@@ -1,7 +1,7 @@
 //! Hard maps: power, direction, numbers that are none.
 
 use super::super::plain_paper;
-use super::{Bound, Row, row};
+use super::{Bound, Case, Row, row};
 use crate::error::Result;
 use crate::image::{PolarMap, PolarShape, luminance_f64};
 use crate::light::{Extractor, Light, LightList, Options};
@@ -109,16 +109,28 @@ fn large() -> Row {
     )
 }
 
-pub(super) fn rows() -> Result<Vec<Row>> {
-    let bright_pixel = |dark: [f32; 3]| {
-        PolarMap::from_fn(SHAPE, |row, column| if (row, column) == (40, 200) { [1e8; 3] } else { dark })
-    };
-    let one = PolarMap::from_fn(PolarShape::hemisphere(1, 1), |_, _| [3.0, 2.0, 1.0]);
-    let striped = PolarMap::from_fn(SHAPE, |row, _| [(row % 2) as f32; 3]);
+/// A pixel of 1e8 over others.
+fn bright_pixel(dark: f32) -> PolarMap {
+    PolarMap::from_fn(SHAPE, |row, column| [if (row, column) == (40, 200) { 1e8 } else { dark }; 3])
+}
+
+/// Every other row is dark.
+fn striped() -> Result<Vec<Row>> {
+    let map = PolarMap::from_fn(SHAPE, |row, _| [(row % 2) as f32; 3]);
+    let (case, input) = ("rows of zeros", "every other row is dark");
+    Ok(vec![without_numbers(case, input, &map)?, of_power(case, input, &map)?])
+}
+
+fn bright() -> Result<Vec<Row>> {
+    let case = "one pixel of 1e8";
     Ok(vec![
-        without_numbers("all-black map", "360 x 90 pixels of 0", &PolarMap::black(SHAPE))?,
-        of_power("one pixel of 1e8", "over 360 x 90 pixels of 0.001", &bright_pixel([1e-3; 3]))?,
-        without_numbers("one pixel of 1e8", "over 360 x 90 pixels of 0", &bright_pixel([0.0; 3]))?,
+        of_power(case, "over 360 x 90 pixels of 0.001", &bright_pixel(1e-3))?,
+        without_numbers(case, "over 360 x 90 pixels of 0", &bright_pixel(0.0))?,
+    ])
+}
+
+fn suns() -> Result<Vec<Row>> {
+    Ok(vec![
         of_direction("sun on the pole", "one pixel of 1e6 in the first row", &with_sun(&[(0, 70)]))?,
         of_direction("sun on phi = 0", "pixels of 1e6 on both sides", &with_sun(&[(40, 0), (40, 359)]))?,
         of_direction("sun on the rim", "one pixel of 1e6 in the last row", &with_sun(&[(89, 110)]))?,
@@ -127,14 +139,21 @@ pub(super) fn rows() -> Result<Vec<Row>> {
             "two pixels of 1e6, one above the other",
             &with_sun(&[(39, 110), (40, 110)]),
         )?,
-        of_power(
-            "constant map",
-            "360 x 90 pixels of (1, 2, 0.5)",
-            &PolarMap::from_fn(SHAPE, |_, _| [1.0, 2.0, 0.5]),
-        )?,
-        without_numbers("rows of zeros", "every other row is dark", &striped)?,
-        of_power("rows of zeros", "every other row is dark", &striped)?,
-        of_power("1 x 1 map", "one pixel for the hemisphere", &one)?,
-        large(),
     ])
 }
+
+fn even() -> Result<Vec<Row>> {
+    let map = PolarMap::from_fn(SHAPE, |_, _| [1.0, 2.0, 0.5]);
+    Ok(vec![of_power("constant map", "360 x 90 pixels of (1, 2, 0.5)", &map)?])
+}
+
+fn one_pixel() -> Result<Vec<Row>> {
+    let map = PolarMap::from_fn(PolarShape::hemisphere(1, 1), |_, _| [3.0, 2.0, 1.0]);
+    Ok(vec![of_power("1 x 1 map", "one pixel for the hemisphere", &map)?])
+}
+
+fn black() -> Result<Vec<Row>> {
+    Ok(vec![without_numbers("all-black map", "360 x 90 pixels of 0", &PolarMap::black(SHAPE))?])
+}
+
+pub(super) const CASES: [Case; 7] = [black, bright, suns, even, striped, one_pixel, || Ok(vec![large()])];

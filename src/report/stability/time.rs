@@ -2,7 +2,7 @@
 
 use super::super::plain_paper;
 use super::maps::{power, reference};
-use super::{Bound, Row, row};
+use super::{Bound, Case, Row, row};
 use crate::error::Result;
 use crate::image::{PolarMap, PolarShape, Stamp};
 use crate::light::{Extractor, Light, LightList, Options};
@@ -167,10 +167,10 @@ fn backwards() -> Result<Row> {
     Ok(row(names, plain, ours, 100.0, Bound::Relative(1e-6)))
 }
 
-pub(super) fn rows() -> Result<Vec<Row>> {
-    let mut rows = Vec::from(strobe()?);
-    rows.push(opposite()?);
-    rows.extend(turns()?);
-    rows.extend([gap()?, backwards()?]);
-    Ok(rows)
-}
+pub(super) const CASES: [Case; 5] = [
+    || Ok(strobe()?.into()),
+    || Ok(vec![opposite()?]),
+    || Ok(turns()?.into()),
+    || Ok(vec![gap()?]),
+    || Ok(vec![backwards()?]),
+];
