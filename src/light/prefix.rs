@@ -257,7 +257,8 @@ mod tests {
     fn of_equally_near_heads_the_first_is_found_wherever_lights_crowd() {
         // Twice each, so that there are ties; in a bunch, evenly, and all at one height.
         let even = crate::math::fibonacci_sphere(300);
-        let bunch = crate::math::fibonacci_sphere(300).map(|d| (direction(0.7, 3.0) + 0.01 * d).normalize());
+        let bunch = crate::math::fibonacci_sphere(300)
+            .map(|d| (direction(0.7, 3.0) + 0.01 * d).normalize_or(DVec3::Y));
         let circle = (0..300).map(|i| direction(1.2, 0.02 * f64::from(i)));
         let lights: Vec<Light> = even
             .chain(bunch)
