@@ -20,28 +20,14 @@ const SLACK: f32 = 4e-6;
 /// direction until something with power joins them.
 ///
 /// A `count` of 0 gives no lights; one of at least the number of lights gives them as they are. `joined` is the
-/// caller's storage; it is used up to the length of `lights`.
+/// caller's storage. Frame after frame, [`Prefixes`] keeps its memory.
 pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
-    let mut prefixes = Prefixes::default();
-    prefixes.load(lights);
-    prefixes.join(lights, count, joined, |_, _| {});
+    Prefixes::default().prefix(lights, count, joined);
 }
 
-/// [`prefix`], with the index in `joined` of the light that each of `lights` has joined; the first `count` have joined
-/// themselves. A `count` of 0 leaves `heads` empty, as there is nothing to join.
-pub fn prefix_with_heads(lights: &[Light], count: usize, joined: &mut Vec<Light>, heads: &mut Vec<u32>) {
-    heads.clear();
-    if count > 0 {
-        heads.extend(0..lights.len() as u32);
-    }
-    let mut prefixes = Prefixes::default();
-    prefixes.load(lights);
-    prefixes.join(lights, count, joined, |light, head| heads[light] = head);
-}
-
-/// Makes one prefix of a list after another.
+/// Makes one prefix after another; holds only scratch memory.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Prefixes {
+pub struct Prefixes {
     by_height: Vec<Place>,
     shares: Vec<Share>,
     /// Of one prefix: heads and all others by height, and what joins each head.
@@ -58,6 +44,33 @@ struct Place {
 }
 
 impl Prefixes {
+    /// The [`prefix`] of `count` lights.
+    pub fn prefix(&mut self, lights: &[Light], count: usize, joined: &mut Vec<Light>) {
+        if is_short(lights, count) {
+            self.load(lights);
+        }
+        self.join(lights, count, joined, |_, _| {});
+    }
+
+    /// [`Self::prefix`], with the index in `joined` of the light that each of `lights` has joined; the first `count` have
+    /// joined themselves. A `count` of 0 leaves `heads` empty, as there is nothing to join.
+    pub fn prefix_with_heads(
+        &mut self,
+        lights: &[Light],
+        count: usize,
+        joined: &mut Vec<Light>,
+        heads: &mut Vec<u32>,
+    ) {
+        heads.clear();
+        if count > 0 {
+            heads.extend(0..lights.len() as u32);
+        }
+        if is_short(lights, count) {
+            self.load(lights);
+        }
+        self.join(lights, count, joined, |light, head| heads[light] = head);
+    }
+
     /// Takes up the lights of which prefixes are to be made.
     pub(super) fn load(&mut self, lights: &[Light]) {
         let place =
@@ -80,7 +93,7 @@ impl Prefixes {
     ) {
         joined.clear();
         joined.extend_from_slice(&lights[..count.min(lights.len())]);
-        if count == 0 || count >= lights.len() {
+        if !is_short(lights, count) {
             return;
         }
         self.part(count);
@@ -118,6 +131,11 @@ impl Prefixes {
         self.heads.truncate(head_count);
         self.others.truncate(other_count);
     }
+}
+
+/// Whether there are heads and others that join them.
+fn is_short(lights: &[Light], count: usize) -> bool {
+    (1..lights.len()).contains(&count)
 }
 
 /// For up to [`LANES`] lights of about the same height the index of the nearest head; the lowest of equally near ones.
@@ -226,7 +244,7 @@ mod tests {
         let (mut joined, mut with_heads, mut heads) = (Vec::new(), Vec::new(), Vec::new());
         for count in [1, 8, 33, 499, 500, 600] {
             prefix(&lights, count, &mut joined);
-            prefix_with_heads(&lights, count, &mut with_heads, &mut heads);
+            Prefixes::default().prefix_with_heads(&lights, count, &mut with_heads, &mut heads);
             assert_eq!((&with_heads, heads.len()), (&joined, 500));
             assert!(heads.iter().take(count).enumerate().all(|(i, &head)| head as usize == i));
             assert_eq!(joined.len(), count.min(500));
@@ -271,7 +289,7 @@ mod tests {
         let lights: Vec<Light> = (0..lights.len()).map(|i| lights[i * 1009 % lights.len()]).collect();
         let (mut joined, mut heads) = (Vec::new(), Vec::new());
         for count in [1, 7, 64, 900, 1799] {
-            prefix_with_heads(&lights, count, &mut joined, &mut heads);
+            Prefixes::default().prefix_with_heads(&lights, count, &mut joined, &mut heads);
             for (late, &found) in lights.iter().zip(&heads).skip(count) {
                 let dot = |head: &Light| {
                     let ([x, y, z], [a, b, c]) = (late.direction, head.direction);
@@ -302,9 +320,9 @@ mod tests {
         prefix(&[], 4, &mut joined);
         assert!(joined.is_empty());
         let mut heads = vec![7];
-        prefix_with_heads(&lights, 0, &mut joined, &mut heads);
+        Prefixes::default().prefix_with_heads(&lights, 0, &mut joined, &mut heads);
         assert!(joined.is_empty() && heads.is_empty());
-        prefix_with_heads(&lights, 2, &mut joined, &mut heads);
+        Prefixes::default().prefix_with_heads(&lights, 2, &mut joined, &mut heads);
         assert_eq!(heads, [0, 1, 0]);
     }
 
