@@ -15,7 +15,7 @@
 //! Where fewer lights are wanted, those that would be missed least rest; they come back to split the widest cells.
 
 use super::Light;
-use super::peaks::{Peak, Peaks, is_a_step};
+use super::peaks::{Peak, Peaks, Rest, is_a_step};
 use super::refine::Share;
 use crate::image::{PolarMap, PolarShape};
 use glam::{DVec3, Vec3};
@@ -107,13 +107,13 @@ impl Adaptive {
 
     /// Writes the lights of the next map, one a slot. Their sum is the RGB power of the map.
     ///
-    /// `seed` fills its vector with a site for each slot; it is asked until a map has light. `shares` sums a map up over
-    /// the cells of sites.
+    /// `seed` fills its vector with a site for each slot; it is asked until a map has light. `shares` sums up, over
+    /// the cells of sites, what peaks leave of the map.
     pub(super) fn step<'a>(
         &mut self,
         map: &PolarMap,
         seed: impl FnOnce(&PolarMap, &mut Vec<[f32; 3]>),
-        shares: impl FnOnce(&PolarMap, &[[f32; 3]]) -> &'a [Share],
+        shares: impl FnOnce(Rest, &[[f32; 3]]) -> &'a [Share],
         lights: &mut Vec<Light>,
     ) {
         let slots = &self.slots;
@@ -122,7 +122,7 @@ impl Adaptive {
         };
         let (peaks, rest) = self.peaks.find(map, is_known);
         if !self.is_seeded {
-            seed(rest, &mut self.sites);
+            seed(&rest.to_map(), &mut self.sites);
             self.slots.clear();
             let site = |&direction| Slot { direction, role: Role::Site, share: Share::default() };
             self.slots.extend(self.sites.iter().map(site));

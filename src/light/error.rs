@@ -4,7 +4,8 @@
 //! With `max(0, c) = (c + |c|) / 2` the irradiance at a normal n is `(S(n) + n . V) / 2`, where `V = sum f w` and
 //! `S(n) = sum f |n . w|`.
 
-use super::{Light, LightList, prefix};
+use super::prefix::Prefixes;
+use super::{Light, LightList};
 use crate::math::fibonacci_sphere;
 use glam::Vec3;
 use multiversion::multiversion;
@@ -110,6 +111,7 @@ fn sum_body(
 pub struct ListError {
     normals: NormalSphere,
     contributions: Vec<Contribution>,
+    prefixes: Prefixes,
     short: Vec<Light>,
 }
 
@@ -122,7 +124,12 @@ impl Default for ListError {
 impl ListError {
     /// Ready to measure.
     pub fn new() -> Self {
-        Self { normals: NormalSphere::new(), contributions: Vec::new(), short: Vec::new() }
+        Self {
+            normals: NormalSphere::new(),
+            contributions: Vec::new(),
+            prefixes: Prefixes::default(),
+            short: Vec::new(),
+        }
     }
 
     /// Fills in the error and the prefix errors of a list whose lights and reference irradiances stand.
@@ -147,9 +154,10 @@ impl ListError {
     fn prefix_errors(&mut self, lights: &[Light], reference: &[f32], errors: &mut Vec<(u32, f32)>) {
         errors.clear();
         let mut short = std::mem::take(&mut self.short);
+        self.prefixes.load(lights);
         let mut count = 8;
         while count < lights.len() {
-            prefix(lights, count, &mut short);
+            self.prefixes.join(lights, count, &mut short, |_, _| {});
             errors.push((count as u32, self.relative_error(&short, reference)));
             count *= 2;
         }

@@ -233,7 +233,7 @@ impl Extractor {
             Sampler::Adaptive => {
                 let adaptive = self.adaptive.as_mut().expect("made for this sampler");
                 let seed = |map: &PolarMap, sites: &mut Vec<_>| seeds.sites(map, dampened, sites);
-                adaptive.step(map, seed, |map, sites| self.voronoi.sum(map, sites), lights);
+                adaptive.step(map, seed, |rest, sites| self.voronoi.sum(sites, |row| rest.row(row)), lights);
             }
             Sampler::MedianCut => median_cut(map, seeds.count(), lights),
             Sampler::VarianceMinimisation => variance_minimisation(map, seeds.count(), lights),

@@ -42,6 +42,6 @@ pub use cluster::cluster;
 pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
 pub use list::{Light, LightList, ListFile, MOST_IRRADIANCE, MOST_POWER};
 pub use nearest::NearestSites;
-pub use prefix::{prefix, prefix_with_heads};
+pub use prefix::{Prefixes, prefix};
 pub use reference::MapIrradiance;
 pub use regions::{RegionLists, Regions};

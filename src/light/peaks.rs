@@ -11,6 +11,8 @@ use super::refine::Share;
 use crate::image::{PolarMap, PolarShape, luminance, luminance_f64};
 use crate::math::angle_between;
 use glam::DVec3;
+use multiversion::multiversion;
+use std::borrow::Cow;
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -39,19 +41,54 @@ const EASE: f64 = 2.0;
 /// Largest step of a peak from one frame to the next.
 pub(super) const STEP_MAX_RAD: f64 = 6.0 * PI / 180.0;
 
+/// Pixels of a row that are passed over together where none of them can be above the limit.
+const STRETCH: usize = 64;
+
 /// Finds the peaks of one map after another.
 #[derive(Clone, Debug)]
 pub(super) struct Peaks {
     shape: PolarShape,
     light_count: usize,
     most: usize,
-    /// The map without its peaks, where it has any.
-    rest: PolarMap,
+    /// Largest value of any channel in every stretch of a row: no luminance in it is above that, but for rounding.
+    largest: Vec<f32>,
     is_open: Vec<bool>,
+    /// The pixels that were opened.
+    opened: Vec<usize>,
     /// Pixels to visit, and those of all peaks one after another.
     stack: Vec<usize>,
     members: Vec<usize>,
     found: Vec<Peak>,
+    /// The rows that have peaks, without them, and which those are.
+    dimmed: Vec<[f32; 3]>,
+    is_dimmed: Vec<bool>,
+}
+
+/// A map without its peaks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rest<'a> {
+    map: &'a PolarMap,
+    /// Rows that take the place of the map's.
+    dimmed: &'a [[f32; 3]],
+    is_dimmed: &'a [bool],
+}
+
+impl<'a> Rest<'a> {
+    /// A row's pixels.
+    pub(super) fn row(&self, row: usize) -> &'a [[f32; 3]] {
+        let pixels = if self.is_dimmed[row] { self.dimmed } else { &self.map.pixels };
+        let columns = self.map.shape.columns;
+        &pixels[row * columns..(row + 1) * columns]
+    }
+
+    /// The whole of it as a map, copied where it is not the map itself.
+    pub(super) fn to_map(self) -> Cow<'a, PolarMap> {
+        if !self.is_dimmed.contains(&true) {
+            return Cow::Borrowed(self.map);
+        }
+        let rows: Vec<_> = (0..self.map.shape.rows).map(|row| self.row(row)).collect();
+        Cow::Owned(PolarMap { pixels: rows.concat(), ..*self.map })
+    }
 }
 
 /// One of them.
@@ -73,12 +110,15 @@ impl Peaks {
             shape,
             light_count,
             most,
-            rest: PolarMap::black(shape),
+            largest: vec![0.0; shape.rows * shape.columns.div_ceil(STRETCH)],
             is_open: vec![false; shape.len()],
             // As much as any map can need: nothing is allocated later.
+            opened: Vec::with_capacity(shape.len()),
             stack: Vec::with_capacity(shape.len()),
             members: Vec::with_capacity(shape.len()),
             found: Vec::with_capacity(most + 1),
+            dimmed: vec![[0.0; 3]; shape.len()],
+            is_dimmed: vec![false; shape.rows],
         }
     }
 
@@ -88,53 +128,89 @@ impl Peaks {
         &'a mut self,
         map: &'a PolarMap,
         is_known: impl Fn(DVec3) -> bool,
-    ) -> (&'a [Peak], &'a PolarMap) {
+    ) -> (&'a [Peak], Rest<'a>) {
         self.found.clear();
         self.members.clear();
-        let (power, mean) = power_and_mean(map);
-        let limit = LIMIT * mean;
-        let excess = self.open(map, limit);
-        let least = Least::new(self.light_count, power, excess);
-        // Less than this is no peak at all, whatever pixels it is made of.
-        if self.most == 0 || excess < least.known_flux() {
-            return (&[], map);
-        }
-        for start in 0..self.is_open.len() {
-            if self.is_open[start] {
-                self.consider(map, start, limit, &least, &is_known);
+        self.is_dimmed.fill(false);
+        if self.most > 0 {
+            let (power, mean) = self.power_and_mean(map);
+            let limit = LIMIT * mean;
+            let excess = self.open(map, limit);
+            let least = Least::new(self.light_count, power, excess);
+            // Less than this is no peak at all, whatever pixels it is made of.
+            if excess >= least.known_flux() {
+                for place in 0..self.opened.len() {
+                    if self.is_open[self.opened[place]] {
+                        self.consider(map, self.opened[place], limit, &least, &is_known);
+                    }
+                }
+                self.dim(map, limit);
             }
         }
-        if self.found.is_empty() {
-            return (&[], map);
+        (&self.found, Rest { map, dimmed: &self.dimmed, is_dimmed: &self.is_dimmed })
+    }
+
+    /// Luminous power and mean luminance; notes the largest values of all stretches.
+    fn power_and_mean(&mut self, map: &PolarMap) -> (f64, f64) {
+        let (mut power, mut solid_angle) = (0.0, 0.0);
+        let columns = self.shape.columns;
+        let rows = map.pixels.chunks_exact(columns);
+        for (row, (pixels, largest)) in
+            rows.zip(self.largest.chunks_exact_mut(columns.div_ceil(STRETCH))).enumerate()
+        {
+            let of_pixel = self.shape.pixel_solid_angle(row);
+            power += of_pixel * luminance_f64(sum_and_largest(pixels, largest));
+            solid_angle += of_pixel * columns as f64;
         }
-        self.rest.stamp = map.stamp;
-        self.rest.pixels.clone_from(&map.pixels);
-        for peak in &self.found {
-            for &index in &self.members[peak.members.clone()] {
-                let pixel = &mut self.rest.pixels[index];
-                let kept = limit / luminance_f64(pixel.map(f64::from));
-                *pixel = pixel.map(|value| (f64::from(value) * kept) as f32);
-            }
-        }
-        (&self.found, &self.rest)
+        (power, power / solid_angle)
     }
 
     /// Opens the pixels above the limit and gives the luminous power that they have above it.
     fn open(&mut self, map: &PolarMap, limit: f64) -> f64 {
+        // What no component took last time.
+        for index in self.opened.drain(..) {
+            self.is_open[index] = false;
+        }
         let mut excess = 0.0;
         let columns = self.shape.columns;
-        let rows = self.is_open.chunks_exact_mut(columns).zip(map.pixels.chunks_exact(columns));
-        for (row, (is_open, pixels)) in rows.enumerate() {
+        let stretches = columns.div_ceil(STRETCH);
+        for (row, largest) in self.largest.chunks_exact(stretches).enumerate() {
             let mut above = 0.0;
-            for (is_open, &pixel) in is_open.iter_mut().zip(pixels) {
-                let luminance = f64::from(luminance(pixel));
+            for (stretch, &largest) in largest.iter().enumerate() {
                 // A map without light has none above its mean of 0.
-                *is_open = luminance > limit;
-                above += (luminance - limit).max(0.0);
+                if f64::from(largest) <= limit {
+                    continue;
+                }
+                let start = row * columns + stretch * STRETCH;
+                for index in start..(start + STRETCH).min((row + 1) * columns) {
+                    let luminance = f64::from(luminance(map.pixels[index]));
+                    if luminance > limit {
+                        self.is_open[index] = true;
+                        self.opened.push(index);
+                        above += luminance - limit;
+                    }
+                }
             }
             excess += above * self.shape.pixel_solid_angle(row);
         }
         excess
+    }
+
+    /// Takes what the peaks have above the limit out of copies of their rows.
+    fn dim(&mut self, map: &PolarMap, limit: f64) {
+        let columns = self.shape.columns;
+        for peak in &self.found {
+            for &index in &self.members[peak.members.clone()] {
+                let row = index / columns;
+                if !std::mem::replace(&mut self.is_dimmed[row], true) {
+                    let own = row * columns..(row + 1) * columns;
+                    self.dimmed[own.clone()].copy_from_slice(&map.pixels[own]);
+                }
+                let pixel = &mut self.dimmed[index];
+                let kept = limit / luminance_f64(pixel.map(f64::from));
+                *pixel = pixel.map(|value| (f64::from(value) * kept) as f32);
+            }
+        }
     }
 
     /// Closes the component of a pixel, and keeps it among the brightest if it is a peak.
@@ -217,13 +293,55 @@ fn excess_of(map: &PolarMap, index: usize, limit: f64) -> Share {
     }
 }
 
-/// Luminous power and mean luminance.
-fn power_and_mean(map: &PolarMap) -> (f64, f64) {
-    let (mut power, mut solid_angle) = (0.0, 0.0);
-    for (row, pixels) in map.pixels.chunks_exact(map.shape.columns).enumerate() {
-        let of_pixel = map.shape.pixel_solid_angle(row);
-        power += of_pixel * pixels.iter().map(|&pixel| f64::from(luminance(pixel))).sum::<f64>();
-        solid_angle += of_pixel * pixels.len() as f64;
+/// RGB sum of a row, and the largest value of each of its stretches.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
+fn sum_and_largest(pixels: &[[f32; 3]], largest: &mut [f32]) -> [f64; 3] {
+    // Values as they lie in memory, in whole pixels, so that each lane keeps its channel.
+    const PIXELS: usize = 8;
+    let mut lanes = [0.0f64; 3 * PIXELS];
+    for (largest, stretch) in largest.iter_mut().zip(pixels.chunks(STRETCH)) {
+        let mut top = [0.0f32; 3 * PIXELS];
+        let (groups, others) = stretch.as_flattened().as_chunks::<{ 3 * PIXELS }>();
+        for group in groups {
+            for lane in 0..3 * PIXELS {
+                lanes[lane] += f64::from(group[lane]);
+                top[lane] = if group[lane] > top[lane] { group[lane] } else { top[lane] };
+            }
+        }
+        for (lane, &value) in others.iter().enumerate() {
+            lanes[lane] += f64::from(value);
+            top[lane] = top[lane].max(value);
+        }
+        *largest = top.into_iter().fold(0.0, f32::max);
     }
-    (power, power / solid_angle)
+    let mut sum = [0.0; 3];
+    for pixel in lanes.as_chunks::<3>().0 {
+        for channel in 0..3 {
+            sum[channel] += pixel[channel];
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_summed_and_stretches_have_their_largest_value() {
+        for columns in [1, 7, 8, 63, 64, 65, 360] {
+            let value = |index: usize| (index * 7919 % 1000) as f32;
+            let pixels: Vec<[f32; 3]> =
+                (0..columns).map(|column| [0, 1, 2].map(|channel| value(3 * column + channel))).collect();
+            let mut largest = vec![-1.0; columns.div_ceil(STRETCH)];
+            let sum = sum_and_largest(&pixels, &mut largest);
+            let of_channel =
+                |channel: usize| pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>();
+            assert_eq!(sum, [0, 1, 2].map(of_channel), "{columns}");
+            for (largest, stretch) in largest.iter().zip(pixels.chunks(STRETCH)) {
+                let expected = stretch.as_flattened().iter().copied().fold(0.0, f32::max);
+                assert_eq!(*largest, expected, "{columns}");
+            }
+        }
+    }
 }

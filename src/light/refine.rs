@@ -73,6 +73,7 @@ pub(super) fn fill_up(lights: &mut Vec<Light>, count: usize) {
 /// The cells of sites: which pixels are nearest to each, and what they hold. One pass over the map for each.
 #[derive(Clone, Debug)]
 pub(super) struct Voronoi {
+    shape: PolarShape,
     nearest_sites: NearestSites,
     /// The number of the site of every pixel.
     nearest: Vec<u32>,
@@ -85,6 +86,7 @@ impl Voronoi {
     /// For maps of one shape and at most `site_count` sites.
     pub(super) fn new(shape: PolarShape, site_count: usize) -> Self {
         Self {
+            shape,
             nearest_sites: NearestSites::new(shape, site_count),
             nearest: vec![0; shape.len()],
             azimuths: shape.column_azimuths(),
@@ -95,19 +97,25 @@ impl Voronoi {
     /// Writes the light of the cell of every site: its RGB flux (the sum over all lights is that of the map), its
     /// flux-weighted mean direction and its spread. The light of an empty cell has no power and the site's direction.
     pub(super) fn refine(&mut self, map: &PolarMap, sites: &[[f32; 3]], lights: &mut Vec<Light>) {
-        let cells = self.sum(map, sites).iter().zip(sites).enumerate();
+        let columns = map.shape.columns;
+        let row = |row: usize| &map.pixels[row * columns..(row + 1) * columns];
+        let cells = self.sum(sites, row).iter().zip(sites).enumerate();
         lights.clear();
         lights.extend(cells.map(|(id, (share, &site))| share.light(id as u32, site)));
     }
 
-    /// What the cell of every site holds.
-    pub(super) fn sum(&mut self, map: &PolarMap, sites: &[[f32; 3]]) -> &[Share] {
+    /// What the cell of every site holds of a map, given row by row.
+    pub(super) fn sum<'a>(
+        &mut self,
+        sites: &[[f32; 3]],
+        pixels: impl Fn(usize) -> &'a [[f32; 3]],
+    ) -> &[Share] {
         self.nearest_sites.assign(sites, &mut self.nearest);
         self.shares.clear();
         self.shares.resize(sites.len(), Share::default());
-        let shape = map.shape;
-        let rows = map.pixels.chunks_exact(shape.columns).zip(self.nearest.chunks_exact(shape.columns));
-        for (row, (pixels, nearest)) in rows.enumerate() {
+        let shape = self.shape;
+        for (row, nearest) in self.nearest.chunks_exact(shape.columns).enumerate() {
+            let pixels = pixels(row);
             let theta_rad = shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64;
             let (sin_theta, cos_theta) = theta_rad.sin_cos();
             let solid_angle = shape.pixel_solid_angle(row);

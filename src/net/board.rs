@@ -2,7 +2,7 @@ use super::metrics::Stages;
 use crate::error::Result;
 use crate::image::PolarMap;
 use crate::light::error::ListError;
-use crate::light::{Light, LightList, prefix};
+use crate::light::{LightList, Prefixes};
 use crate::rt::{CaptureEpoch, Metrics};
 use crate::wire::{QUEUE_MAX, Subscription, binary};
 use axum::body::Bytes;
@@ -54,7 +54,7 @@ struct Form {
 /// Scratch memory for prefixes.
 struct Shortener {
     error: ListError,
-    joined: Vec<Light>,
+    prefixes: Prefixes,
     list: LightList,
 }
 
@@ -66,7 +66,7 @@ impl Default for Board {
             map: Mutex::default(),
             shortener: Mutex::new(Shortener {
                 error: ListError::new(),
-                joined: Vec::new(),
+                prefixes: Prefixes::default(),
                 list: LightList::default(),
             }),
             stages: Arc::default(),
@@ -176,12 +176,11 @@ impl Board {
 impl Shortener {
     /// The prefix of `count` lights, with its own error and the same power.
     fn shorten(&mut self, list: &LightList, count: usize) -> &LightList {
-        prefix(&list.lights, count, &mut self.joined);
         let short = &mut self.list;
+        self.prefixes.prefix(&list.lights, count, &mut short.lights);
         (short.stamp, short.filter_delay_frames, short.chosen_lights, short.power) =
             (list.stamp, list.filter_delay_frames, list.chosen_lights, list.power);
         short.chosen_lights = short.chosen_lights.map(|chosen| chosen.min(count as u32));
-        short.lights.clone_from(&self.joined);
         short.prefix_errors.clear();
         short.prefix_errors.extend(list.prefix_errors.iter().filter(|(length, _)| *length as usize <= count));
         short.error = match short.prefix_errors.last() {
@@ -213,6 +212,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
     use crate::image::Stamp;
+    use crate::light::Light;
     use crate::wire::{Delivery, Message, json};
 
     fn list(sequence: u64, count: u32) -> LightList {

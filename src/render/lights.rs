@@ -3,7 +3,7 @@
 
 use super::Options;
 use super::tiles::Tiles;
-use crate::light::{Light, cluster, prefix_with_heads};
+use crate::light::{Light, Prefixes, cluster};
 use bytemuck::{Pod, Zeroable};
 
 /// A light as shaders read it.
@@ -30,6 +30,7 @@ pub(super) struct LightSets {
     pub lights: Vec<GpuLight>,
     pub high_count: usize,
     high: Vec<Light>,
+    prefixes: Prefixes,
     heads: Vec<u32>,
     clusters: Vec<Light>,
     places: Vec<u32>,
@@ -39,7 +40,7 @@ impl LightSets {
     /// Set H is the prefix of the list, clustered if the options say so; if the list is longer and there are cones to
     /// use it in, set L is the whole of it. A light of L has the shadow map of the light of H that it has joined.
     pub fn update(&mut self, list: &[Light], options: &Options) {
-        prefix_with_heads(list, options.lights, &mut self.high, &mut self.heads);
+        self.prefixes.prefix_with_heads(list, options.lights, &mut self.high, &mut self.heads);
         if let Some(most) = options.clusters {
             cluster(&self.high, most, &mut self.clusters, &mut self.places);
             std::mem::swap(&mut self.high, &mut self.clusters);

@@ -1,6 +1,6 @@
 use crate::gpu::Gpu;
 use crate::image::PolarMap;
-use crate::light::{Light, prefix};
+use crate::light::{Light, Prefixes};
 use crate::picture::MapBackground;
 
 const SHADER: &str = include_str!("../../shaders/inset.wgsl");
@@ -16,6 +16,7 @@ pub(super) struct Inset {
     most_lights: usize,
     background: Option<MapBackground>,
     joined: Vec<Light>,
+    prefixes: Prefixes,
     pipeline: wgpu::RenderPipeline,
     shown: Option<Shown>,
 }
@@ -50,7 +51,15 @@ impl Inset {
             multiview_mask: None,
             cache: None,
         });
-        Self { map, most_lights, background: None, joined: Vec::new(), pipeline, shown: None }
+        Self {
+            map,
+            most_lights,
+            background: None,
+            joined: Vec::new(),
+            prefixes: Prefixes::default(),
+            pipeline,
+            shown: None,
+        }
     }
 
     /// Makes the picture anew in the size that suits a window of this size at the next [`Self::update`].
@@ -71,7 +80,7 @@ impl Inset {
     /// Draws other lights on the map.
     pub fn update(&mut self, gpu: &Gpu, lights: &[Light]) {
         let Some(background) = &self.background else { return };
-        prefix(lights, self.most_lights, &mut self.joined);
+        self.prefixes.prefix(lights, self.most_lights, &mut self.joined);
         let canvas = background.draw(&self.joined);
         let size = wgpu::Extent3d {
             width: canvas.width as u32,

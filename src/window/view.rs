@@ -9,7 +9,7 @@ use super::title::{FrameTimes, Timings, Title};
 use super::{FirstCamera, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::light::{Light, prefix};
+use crate::light::{Light, Prefixes};
 use crate::render::Renderer;
 use crate::render::budget::{Budget, Quality};
 use crate::render::refinement::{Refinement, Work};
@@ -55,6 +55,7 @@ pub(super) struct View {
     is_reduced: bool,
     /// What of the list the budget leaves.
     shortened: Vec<Light>,
+    prefixes: Prefixes,
     refinement: Refinement,
     frame_times: FrameTimes,
     writer: PictureWriter,
@@ -119,6 +120,7 @@ impl View {
             quality,
             is_reduced: false,
             shortened: Vec::new(),
+            prefixes: Prefixes::default(),
             refinement: Refinement::new(samples, MOST_SAMPLES),
             frame_times: FrameTimes::default(),
             writer: PictureWriter::default(),
@@ -270,7 +272,7 @@ impl View {
                 self.renderer.set_quality(self.quality);
                 if self.is_reduced {
                     let length = prefix_length(lights.len(), self.quality.lights, most.lights);
-                    prefix(lights, length, &mut self.shortened);
+                    self.prefixes.prefix(lights, length, &mut self.shortened);
                     lights = &self.shortened;
                 }
                 self.renderer.draw(lights, &camera, self.samples)?;

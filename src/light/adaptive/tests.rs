@@ -201,7 +201,12 @@ impl Sequence {
         for _ in 0..frames {
             let map = sky(SHAPE, self.number, spots);
             let seed = |map: &PolarMap, sites: &mut Vec<_>| self.seeds.sites(map, dampened, sites);
-            self.adaptive.step(&map, seed, |map, sites| self.voronoi.sum(map, sites), &mut self.lights);
+            self.adaptive.step(
+                &map,
+                seed,
+                |rest, sites| self.voronoi.sum(sites, |row| rest.row(row)),
+                &mut self.lights,
+            );
             let power: f64 = self.lights.iter().map(|light| f64::from(light.irradiance[0])).sum();
             assert!((power / map.power()[0] - 1.0).abs() < 1e-6, "frame {}: {power}", self.number);
             self.number += 1;
