@@ -20,6 +20,10 @@ const SETTLE_S: f64 = 0.2;
 /// How long it must have been calm else before there may be fewer lights, or more within the budget.
 const CALM_S: f64 = 0.5;
 
+/// Where a number is held because fewer were too few, by what factor the error must change, either way, to tell that the
+/// scene is another.
+const OTHER_SCENE: f64 = 2.0;
+
 /// The fewest lights that are chosen.
 const FEWEST: usize = 4;
 
@@ -35,8 +39,9 @@ pub(super) struct Count {
     /// A number that was tried and was too few: one light more or less may leap over the dead band, as where each lamp of a
     /// hall has one.
     too_few: usize,
-    /// Part of the target that the error was, and frames since, when lights were last given up.
-    ratio_before: f64,
+    /// Part of the target that the error was when the number was first held because of that.
+    held_ratio: Option<f64>,
+    /// Frames since lights were last given up.
     tried_age: u64,
     /// Whether the error was above the target in the last frame, because of that.
     is_above: bool,
@@ -59,7 +64,7 @@ impl Count {
         let is_sound = |value: f64| value.is_finite() && value > 0.0;
         if let Some(target) = error_target.filter(|&target| !is_sound(f64::from(target))) {
             return Err(Error::usage(format!(
-                "error_target = {target}: must be a relative error above 0, such as 0.003"
+                "error_target = {target}: must be a relative error above 0, such as 0.01"
             )));
         }
         if let Some(budget) = budget_ms.filter(|&budget| !is_sound(budget)) {
@@ -72,7 +77,7 @@ impl Count {
             wanted: slots,
             allowed: slots,
             too_few: 0,
-            ratio_before: 0.0,
+            held_ratio: None,
             tried_age: u64::MAX,
             is_above: false,
             is_too_few: false,
@@ -121,14 +126,16 @@ impl Count {
             }
         } else if self.calm_error >= frames(if ratio < FAR_BELOW { SETTLE_S } else { CALM_S }, frame_rate_hz)
         {
-            // A scene that has become so much easier is another.
-            if ratio < FAR_BELOW * self.ratio_before {
+            let is_other_scene = |held: f64| ratio > OTHER_SCENE * held || held > OTHER_SCENE * ratio;
+            if self.held_ratio.is_some_and(is_other_scene) {
                 self.too_few = 0;
             }
             self.wanted = fewer(lights, self.slots).max(lights.min(self.too_few + 1));
             self.calm_error = 0;
             if self.wanted < lights {
-                (self.ratio_before, self.tried_age) = (ratio, 0);
+                (self.held_ratio, self.tried_age) = (None, 0);
+            } else if self.held_ratio.is_none() {
+                self.held_ratio = Some(ratio);
             }
         }
         self.is_above = ratio > 1.0;
@@ -195,8 +202,10 @@ mod tests {
             if lights < lamps { 0.02 } else { rest / lights as f32 }
         };
         let mut count = count(Some(0.01), None);
-        // As many lamps, fewer, many; errors far below the target, further below, and less far.
-        for (lamps, rest) in [(51, 0.06), (20, 0.004), (90, 0.2)] {
+        // Errors far below the target, further below, and less far.
+        for (lamps, rest, fewest) in
+            [(51, 0.06, 51), (20, 0.004, 20), (90, 0.09, 90), (10, 0.27, 28), (20, 0.02, 20), (5, 0.1, 10)]
+        {
             let mut history = Vec::new();
             for _ in 0..3000 {
                 count.saw_error(error_of(count.lights(), lamps, rest), count.lights(), 25.0);
@@ -204,7 +213,7 @@ mod tests {
             }
             let last = history[2999];
             assert!(history[1500..].iter().all(|&lights| lights == last), "{:?}", &history[1500..]);
-            assert!((lamps..=lamps + lamps / STEPS).contains(&last), "{lamps}: {last}");
+            assert!((fewest..=fewest + fewest / 8).contains(&last), "{lamps}: {last}");
         }
     }
 

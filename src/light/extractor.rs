@@ -73,8 +73,9 @@ pub struct Options {
     pub inversion: Inversion,
     /// Steps of Lloyd's relaxation of the sample points, 0 to 100, at start-up.
     pub relaxation_steps: usize,
-    /// Use only as many of the lights as keep what walls leave of the light right to this part of it, by the measure of
-    /// `occlusion.rs`; adaptive lights only.
+    /// Use only as many of the lights as keep the occlusion error below this: of the light in front of 300 planes, whose
+    /// edges are soft by 3 degrees to either side, RMS relative to the mean, with lights as wide as their spread. Adaptive
+    /// lights only.
     pub error_target: Option<f32>,
     /// Use only as many of the lights as are made in this time, in ms a frame; adaptive lights only.
     pub budget_ms: Option<f64>,

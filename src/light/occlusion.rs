@@ -3,12 +3,12 @@
 //! For each of the 300 normals of METHODS section 9 the light in front of the plane through the point: what a wall leaves
 //! of it. The plane's edge is soft by [`EDGE_HALF_WIDTH_RAD`] to either side, as an edge is that one sees, and lights are
 //! as wide as their spread. So an even sky, which throws no edges, takes few lights, while lamps, each with shadows of
-//! its own, take one each. The error of irradiance ([`super::error`]) cannot tell them apart: it counts lights as
+//! its own, take about one for each or for a close pair. The error of irradiance ([`super::error`]) cannot tell them apart: it counts lights as
 //! directions, and is largest for an even sky, of which every surface's horizon cuts a part.
 
 use super::Light;
 use super::error::{Contribution, LANES, NORMAL_COUNT, NormalSphere, TERMS_IN_F32, relative_rms};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use multiversion::multiversion;
 
 /// Half the angle over which a plane's edge goes from dark to light.
@@ -39,10 +39,11 @@ impl Extent {
 
     /// A block of a map, whose vector is shorter than its flux by less than a thousandth.
     fn of_block(block: &Contribution) -> Option<Self> {
-        let vector = Vec3::from(block.vector);
-        let flux = vector.length();
-        let direction = vector.try_normalize()?;
-        Some(Self::new(direction, block.half_width / flux, flux))
+        // Squares of the largest and the smallest fluxes are no f32.
+        let vector = DVec3::from(block.vector.map(f64::from));
+        let (direction, flux) = (vector.try_normalize()?, vector.length());
+        let half_width_rad = (f64::from(block.half_width) / flux) as f32;
+        Some(Self::new(direction.as_vec3(), half_width_rad, flux as f32))
     }
 
     /// A disc of the light's spread: the even extent of the variance that it has along one axis, half that of both.
@@ -105,7 +106,6 @@ mod tests {
     use crate::light::test_maps::real_maps;
     use crate::light::{Extractor, LightList, MapIrradiance, Options, measure};
     use crate::math::fibonacci_sphere;
-    use glam::DVec3;
 
     const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 
@@ -191,10 +191,18 @@ mod tests {
         assert!(quick(&black, &[light(DVec3::Y, 1.0, 0.1)]) >= 1.0);
         let even = PolarMap::from_fn(SHAPE, |_, _| [1.0; 3]);
         assert!(quick(&even, &[]) >= 1.0, "no light at all misses everything");
-        for value in [f32::MAX, 1e-40] {
+        for value in [f32::MAX, 1e30, 1e-30, 1e-40] {
             let map = PolarMap::from_fn(SHAPE, |_, _| [value; 3]);
             let error = quick(&map, &[light(DVec3::Y, value, 0.1)]);
             assert!(error >= 0.0 && error.is_finite(), "{value:e}: {error}");
+        }
+        // Errors are relative, however bright it is.
+        let error_at = |scale: f32| {
+            let map = PolarMap::from_fn(SHAPE, |row, _| [scale * row as f32; 3]);
+            quick(&map, &[light(DVec3::Y, scale * 300.0, 0.5)])
+        };
+        for scale in [1e-30, 1e25] {
+            assert!((error_at(scale) / error_at(1.0) - 1.0).abs() < 1e-3, "{scale:e}");
         }
     }
 }

@@ -18,7 +18,7 @@ use glam::DVec3;
 use std::time::{Duration, Instant};
 
 /// Size of the maps that the figures are given for.
-pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
+pub const SHAPE: PolarShape = super::stills::SHAPE;
 /// Frames of a sequence.
 pub const FRAMES: usize = 40;
 /// Lights of a list.

@@ -2,7 +2,7 @@
 //! panoramas read, before anything is measured.
 
 use super::Arguments;
-use super::sequences::Recorded;
+use super::sequences::{Recorded, is_configuration};
 use crate::cli::panorama::read_panorama_as;
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape};
@@ -115,14 +115,18 @@ impl Inputs {
             ("hall", &arguments.hall, Sequence::hall),
         ] {
             let Some(path) = path else { continue };
+            telling(&path.display().to_string());
             let known = inputs.maps.iter().find(|map| map.path.as_ref() == Some(path));
             let map = match known {
                 Some(known) => known.for_lights().clone(),
                 None => read_panorama_as(path, &[sequence::SHAPE])?.swap_remove(0),
             };
             inputs.sequences.push(Moving::Made(Made { name, path: path.clone(), map, make }));
+            if shutdown.is_requested() {
+                return Ok(None);
+            }
         }
-        Ok((!shutdown.is_requested()).then_some(inputs))
+        Ok(Some(inputs))
     }
 }
 
@@ -146,10 +150,6 @@ fn check_length((frames, frame_rate_hz): (usize, f64), arguments: &Arguments) ->
 fn is_sequence(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     path.is_dir() || is_configuration(path) || (!path.is_file() && (name.contains('#') || name.contains('%')))
-}
-
-fn is_configuration(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "toml") && !path.is_dir()
 }
 
 impl Map {

@@ -93,7 +93,9 @@ impl<'a> Report<'a> {
                 return Ok(false);
             }
         }
-        self.means(&inputs.maps, &rows)?;
+        if !self.means(&inputs.maps, &rows)? {
+            return Ok(false);
+        }
         let mut published = Vec::new();
         for moving in &mut inputs.sequences {
             if !self.sequence(moving, &mut published)? {
@@ -124,7 +126,9 @@ impl<'a> Report<'a> {
         else {
             return Ok(false);
         };
-        let is_to_go_on = self.add(table.lines(), |document| document.sequences.push(table))?;
+        if !self.add(table.lines(), |document| document.sequences.push(table))? {
+            return Ok(false);
+        }
         if let Moving::Made(Made { name, path, .. }) = moving
             && sequence_table::is_published(name, &stem(path))
         {
@@ -133,11 +137,11 @@ impl<'a> Report<'a> {
             };
             published.extend(rows);
         }
-        Ok(is_to_go_on)
+        Ok(true)
     }
 
-    /// The means over the maps; of the thirteen that there are published figures for these too.
-    fn means(&mut self, maps: &[Map], rows: &[stills::Row]) -> Result<()> {
+    /// The means over the maps; of the thirteen that there are published figures for these too. Whether to go on.
+    fn means(&mut self, maps: &[Map], rows: &[stills::Row]) -> Result<bool> {
         let lines = self.document.means.as_ref().map(Table::lines).unwrap_or_default();
         self.show(&lines)?;
         let names: Vec<String> = maps.iter().filter_map(|map| map.path.as_deref().map(stem)).collect();
@@ -148,7 +152,8 @@ impl<'a> Report<'a> {
             let command = of_maps(self.arguments, maps.iter());
             self.document.texts.push(Text { title, command, lines });
         }
-        self.save()
+        self.save()?;
+        Ok(self.goes_on())
     }
 
     /// METHODS' table of the garden and the hall.

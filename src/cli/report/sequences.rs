@@ -27,13 +27,16 @@ enum Frames {
     Configured(Box<Config>),
 }
 
+/// Whether a path names a configuration, not a folder or a pattern of panoramas.
+pub(super) fn is_configuration(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "toml") && !path.is_dir()
+}
+
 impl Recorded {
     /// Opens a folder, a pattern or a configuration and checks all that its first picture can tell. `frame_rate_hz` goes
     /// before what files of panoramas say.
     pub fn open(path: &Path, frame_rate_hz: Option<f64>) -> Result<Self> {
-        let is_configuration =
-            path.extension().is_some_and(|extension| extension == "toml") && !path.is_dir();
-        let (source, length) = if is_configuration {
+        let (source, length) = if is_configuration(path) {
             let (config, length) = configuration(path)?;
             (Frames::Configured(Box::new(config)), length)
         } else {
