@@ -9,7 +9,7 @@ const WANTED_LABELS: usize = 3;
 /// Most labels that a panel has room for.
 const MOST_LABELS: usize = 8;
 /// Room that a label takes along the axis.
-const LABEL_PX: f64 = 28.0;
+const LABEL_PX: f64 = 31.0;
 
 /// A logarithmic axis from one position in px to another, in either direction.
 pub struct Axis {

@@ -144,7 +144,7 @@ fn extreme_values_have_a_place_and_few_labels() {
             ticks.iter().filter(|tick| tick.is_labelled).map(|tick| tick.value).collect();
         assert!((1..=9).contains(&labelled.len()), "{low} to {high}: {labelled:?}");
         let places: Vec<f64> = labelled.iter().map(|&value| axis.position(value)).collect();
-        assert!(places.windows(2).all(|pair| pair[1] - pair[0] >= 28.0), "{low} to {high}: {labelled:?}");
+        assert!(places.windows(2).all(|pair| pair[1] - pair[0] >= 31.0), "{low} to {high}: {labelled:?}");
     }
 }
 
