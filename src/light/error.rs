@@ -15,7 +15,7 @@ pub const NORMAL_COUNT: usize = 300;
 /// Normals evaluated side by side.
 pub(super) const LANES: usize = 16;
 /// Terms summed in f32 before they go to an f64 sum: so few lose less than 1e-6 of their sum.
-pub(super) const TERMS_IN_F32: usize = 64;
+const TERMS_IN_F32: usize = 64;
 
 /// Light that arrives from an angular extent about one direction.
 #[derive(Clone, Copy, Debug)]
@@ -88,15 +88,23 @@ fn sum_body(
     z: &[f32; LANES],
     contributions: &[Contribution],
 ) -> [f64; LANES] {
+    sum_terms(contributions, |&Contribution { vector, half_width, inverse }, lane| {
+        let along = x[lane] * vector[0] + y[lane] * vector[1] + z[lane] * vector[2];
+        let distance = along.abs();
+        let cut = half_width - if distance < half_width { distance } else { half_width };
+        (along + distance) + cut * cut * inverse
+    })
+}
+
+/// Sums over `terms` of what `term` gives for every lane.
+#[inline(always)]
+pub(super) fn sum_terms<T>(terms: &[T], term: impl Fn(&T, usize) -> f32) -> [f64; LANES] {
     let mut sums = [0.0f64; LANES];
-    for terms in contributions.chunks(TERMS_IN_F32) {
+    for terms in terms.chunks(TERMS_IN_F32) {
         let mut partial = [0.0f32; LANES];
-        for &Contribution { vector, half_width, inverse } in terms {
+        for of in terms {
             for lane in 0..LANES {
-                let along = x[lane] * vector[0] + y[lane] * vector[1] + z[lane] * vector[2];
-                let distance = along.abs();
-                let cut = half_width - if distance < half_width { distance } else { half_width };
-                partial[lane] += (along + distance) + cut * cut * inverse;
+                partial[lane] += term(of, lane);
             }
         }
         for lane in 0..LANES {

@@ -7,7 +7,7 @@
 //! directions, and is largest for an even sky, of which every surface's horizon cuts a part.
 
 use super::Light;
-use super::error::{Contribution, LANES, NORMAL_COUNT, NormalSphere, TERMS_IN_F32, relative_rms};
+use super::error::{Contribution, LANES, NORMAL_COUNT, NormalSphere, relative_rms, sum_terms};
 use glam::{DVec3, Vec3};
 use multiversion::multiversion;
 
@@ -83,20 +83,10 @@ fn sums(normals: &NormalSphere, extents: &[Extent], sums: &mut Vec<f32>) {
 
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn sum(x: &[f32; LANES], y: &[f32; LANES], z: &[f32; LANES], extents: &[Extent]) -> [f64; LANES] {
-    let mut sums = [0.0f64; LANES];
-    for terms in extents.chunks(TERMS_IN_F32) {
-        let mut partial = [0.0f32; LANES];
-        for &Extent { steep, flux } in terms {
-            for lane in 0..LANES {
-                let along = x[lane] * steep[0] + y[lane] * steep[1] + z[lane] * steep[2];
-                partial[lane] += flux * (along + 0.5).clamp(0.0, 1.0);
-            }
-        }
-        for lane in 0..LANES {
-            sums[lane] += f64::from(partial[lane]);
-        }
-    }
-    sums
+    sum_terms(extents, |&Extent { steep, flux }, lane| {
+        let along = x[lane] * steep[0] + y[lane] * steep[1] + z[lane] * steep[2];
+        flux * (along + 0.5).clamp(0.0, 1.0)
+    })
 }
 
 #[cfg(test)]
