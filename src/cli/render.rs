@@ -13,10 +13,10 @@ use crate::gpu::{Backend, Gpu};
 use crate::image::PolarMap;
 use crate::light::{self, Extractor, Light, LightList, ListFile};
 use crate::render::{Options, Renderer, emitters};
-use crate::rt::stage::{self as stages, Nowhere, Stage};
-use crate::rt::{Clock, Metrics, Shutdown};
+use crate::rt::stage::{self as stages, Stage};
+use crate::rt::Shutdown;
 use crate::scene::{Camera, Scene, Shading};
-use crate::service::{Copies, Output, Service, list_link};
+use crate::service::{Ends, ListReader, Service};
 use crate::stage::{Files, PictureWriter, Render};
 use clap::ValueEnum;
 use glam::Vec3;
@@ -313,22 +313,19 @@ fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
     let renderer = renderer(arguments)?;
     let camera = camera(arguments, &renderer)?;
     let render = numbered(arguments, renderer, camera, folder)?;
-    let (lists_in, lists) = list_link(&config, &shutdown);
-    let copies = Copies { lists: Some(lists_in), ..Copies::default() };
-    let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, copies, &shutdown)?;
-    let bar = PROGRESS.add(bar("lists", service.frame_count()));
-    let metrics = Metrics::new("render");
-    let progress = bar.clone();
-    let shown = Shown { render, bar: progress };
-    let rendered = stages::run(shown, lists, Nowhere, &Clock::real(), &shutdown, &metrics);
-    // Whichever ends first ends the other: without a reader the service would go on for nothing.
-    shutdown.request();
-    let summary = service.summary().with(metrics);
+    let bar = PROGRESS.add(bar("lists", None));
+    let shown = Shown { render, bar: bar.clone() };
+    let ends = Ends { readers: vec![ListReader::new("render", shown)], ..Ends::default() };
+    let service = Service::start(&config, ends, &shutdown)?;
+    if let Some(count) = service.frame_count() {
+        bar.set_length(count);
+        bar.set_style(bar_style("lists", true));
+    }
+    let summary = service.summary();
     let served = service.join(Duration::from_millis(100), || ());
     bar.finish_and_clear();
     let _ = write!(io::stderr(), "{summary}");
-    rendered.and(served)
+    served
 }
 
 /// A stage that shows how far it is.
@@ -363,11 +360,15 @@ fn no_reference(arguments: &Arguments) -> Result<()> {
 }
 
 fn bar(what: &str, length: Option<u64>) -> ProgressBar {
-    let (bar, template) = match length {
-        Some(length) => {
-            (ProgressBar::new(length), format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left"))
-        }
-        None => (ProgressBar::new_spinner(), format!("{{spinner}} {{pos}} {what}, {{elapsed}}")),
+    let bar = length.map_or_else(ProgressBar::new_spinner, ProgressBar::new);
+    bar.with_style(bar_style(what, length.is_some()))
+}
+
+fn bar_style(what: &str, has_length: bool) -> ProgressStyle {
+    let template = if has_length {
+        format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left")
+    } else {
+        format!("{{spinner}} {{pos}} {what}, {{elapsed}}")
     };
-    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
+    ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }

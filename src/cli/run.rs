@@ -5,13 +5,15 @@ use super::systemd::Watchdog;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::net::{Board, Server};
-use crate::rt::Shutdown;
-use crate::service::{Copies, Output, Pictures, RecordOptions, Service, Summary};
+use crate::rt::{Shutdown, StoppableWriter};
+use crate::service::{Ends, Output, Pictures, RecordOptions, Service, Summary};
 use indicatif::{ProgressBar, ProgressStyle};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -73,15 +75,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let shutdown = Shutdown::new();
     let Some(address) = &arguments.listen else {
         let _signals = SignalWatch::start(&shutdown)?;
-        let mut output = OutputFile::new(arguments);
-        let service = Service::start(
-            &config,
-            || output.open(),
-            copies(arguments, arguments.record.clone(), None),
-            &shutdown,
-        )?;
+        let output = OutputFile::new(arguments);
+        let ends = ends(arguments, arguments.record.clone(), output.output(&shutdown), None);
+        let service = Service::start(&config, ends, &shutdown)?;
         let summary = service.summary();
-        return watch(service, &summary, "lists", Summary::lists_published, |_| ());
+        return watch(service, &summary, "lists", Summary::lists_made, |_| ());
     };
     let signals = SignalWatch::start_with_hangup(&shutdown)?;
     allow_many_connections();
@@ -109,14 +107,19 @@ fn allow_many_connections() {
     }
 }
 
-/// Pictures, a recording and the clients of a server.
-pub(super) fn copies(arguments: &Arguments, record: Option<PathBuf>, board: Option<&Arc<Board>>) -> Copies {
+/// Who gets what a service makes: files, a recording and the clients of a server.
+pub(super) fn ends(
+    arguments: &Arguments,
+    record: Option<PathBuf>,
+    output: Option<Output>,
+    board: Option<&Arc<Board>>,
+) -> Ends {
     let pictures = arguments
         .pictures
         .as_ref()
         .map(|folder| Pictures { folder: folder.clone(), every: arguments.picture_every });
     let recording = record.map(|folder| RecordOptions { folder, ..RecordOptions::default() });
-    Copies { pictures, recording, board: board.cloned(), ..Copies::default() }
+    Ends { pictures, recording, output, board: board.cloned(), ..Ends::default() }
 }
 
 /// Shows the progress of a service until it ends, then its summary. `count` counts the `things` of its progress; `watch`
@@ -139,37 +142,43 @@ pub(super) fn watch(
     outcome
 }
 
-/// Where the lists go: made by the first service that starts, gone on with by those after it.
+/// Where the lists are written: a file is made by the first service that starts, and gone on with by those after it.
 pub(super) struct OutputFile<'a> {
     path: Option<&'a Path>,
     /// Lists that clients get are written only where that is asked for.
     is_streamed: bool,
-    file: Option<File>,
+    file: Rc<RefCell<Option<File>>>,
 }
 
 impl<'a> OutputFile<'a> {
     fn new(arguments: &'a Arguments) -> Self {
-        Self { path: arguments.output.as_deref(), is_streamed: arguments.listen.is_some(), file: None }
+        Self {
+            path: arguments.output.as_deref(),
+            is_streamed: arguments.listen.is_some(),
+            file: Rc::default(),
+        }
     }
 
-    pub fn open(&mut self) -> Result<Output> {
+    /// The output of a service that ends with `shutdown`.
+    pub fn output(&self, shutdown: &Shutdown) -> Option<Output> {
         let Some(path) = self.path else {
-            return Ok(if self.is_streamed {
-                Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() }
-            } else {
-                Output { writer: Box::new(io::stdout()), name: "standard output".to_owned() }
-            });
+            return (!self.is_streamed).then(|| Output::new("standard output", io::stdout()));
         };
-        let failed = |error: io::Error| {
-            Error::failed("the output file cannot be made").because(error).at(path.display())
+        let (path, file, shutdown) = (path.to_owned(), self.file.clone(), shutdown.clone());
+        let name = path.display().to_string();
+        let open = move || -> Result<Box<dyn io::Write + Send>> {
+            let failed = |error: io::Error| {
+                Error::failed("the output file cannot be made").because(error).at(path.display())
+            };
+            let mut file = file.borrow_mut();
+            let file = match &mut *file {
+                Some(file) => file,
+                None => file.insert(File::create(&path).map_err(failed)?),
+            };
+            let file = file.try_clone().map_err(failed)?;
+            Ok(Box::new(StoppableWriter::new(file, &shutdown).map_err(failed)?))
         };
-        let file = match self.file.take() {
-            Some(file) => file,
-            None => File::create(path).map_err(failed)?,
-        };
-        let writer = file.try_clone().map_err(failed)?;
-        self.file = Some(file);
-        Ok(Output { writer: Box::new(writer), name: path.display().to_string() })
+        Some(Output { name, open: Box::new(open) })
     }
 }
 

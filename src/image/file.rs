@@ -5,9 +5,9 @@
 
 use super::{Frame, Pixels, jpeg, open_exr, png, radiance};
 use crate::error::{Error, Result};
+use crate::rt;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, BufWriter, Write};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// Longest side that is read. The largest panoramas sold are 16384 x 8192, the largest fisheye sensors far
@@ -76,12 +76,7 @@ pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
 /// some damaged ones. One bad frame must not stop a run, so the panic ends here. Nothing of theirs outlives the call,
 /// and the frame is emptied after any error, so no half-made state is seen.
 pub(super) fn guarded<T>(frame: &mut Frame, decode: impl FnOnce(&mut Frame) -> Result<T>) -> Result<T> {
-    let outcome = catch_unwind(AssertUnwindSafe(|| decode(frame))).unwrap_or_else(|panic| {
-        let cause = panic
-            .downcast_ref::<&str>()
-            .map(ToString::to_string)
-            .or_else(|| panic.downcast_ref::<String>().cloned())
-            .unwrap_or_default();
+    let outcome = rt::contained(|| decode(frame)).unwrap_or_else(|cause| {
         Err(Error::bad_frame(format!("is damaged: its decoder gave up with `{cause}`")))
     });
     if outcome.is_err() {

@@ -50,7 +50,7 @@ impl Collector for Figures {
         counters(
             &mut encoder,
             "stage_drops",
-            "Items that were overwritten before the stage could take them",
+            "Items that the stage was too slow for",
             stages.iter().map(|stage| ([("stage", stage.name())], stage.drops.get())),
         )?;
         counters(

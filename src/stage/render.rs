@@ -1,19 +1,22 @@
-use super::picture::Due;
 use crate::error::Result;
 use crate::image::{Frame, Pixels, write_exr, write_png8};
 use crate::light::LightList;
 use crate::render::Renderer;
+use crate::rt::fan_out::Every;
+use crate::rt::link::Copied;
 use crate::rt::stage::{Flow, Stage};
 use crate::scene::Camera;
 use std::path::{Path, PathBuf};
 
-/// Renders lists into numbered picture files.
+/// Renders lists into picture files with the numbers of the frames that the lists describe.
 pub struct Render {
     renderer: Renderer,
     camera: Camera,
     samples: u32,
     files: Files,
-    due: Due,
+    every: Every,
+    /// Sequence number of the first list.
+    first: Option<u64>,
     last_time_ns: Option<i64>,
     writer: PictureWriter,
 }
@@ -35,10 +38,19 @@ pub struct PictureWriter {
 }
 
 impl Render {
-    /// Pictures of `samples` samples a pixel, of the first list in every block of `every` sequence numbers.
+    /// Pictures of `samples` samples a pixel, of the first frame in every block of `every` sequence numbers.
     pub fn new(renderer: Renderer, camera: Camera, samples: u32, files: Files, every: u64) -> Self {
         let writer = PictureWriter::default();
-        Self { renderer, camera, samples, files, due: Due::new(every), last_time_ns: None, writer }
+        Self {
+            renderer,
+            camera,
+            samples,
+            files,
+            every: Every::new(every),
+            first: None,
+            last_time_ns: None,
+            writer,
+        }
     }
 }
 
@@ -46,9 +58,14 @@ impl Stage for Render {
     type Input = LightList;
     type Output = ();
 
-    /// The scene moves with the capture time of the lists, not with the time that passes.
+    /// The scene moves with the capture time of the lists, not with the time that passes. Lists from before the first
+    /// frame, with which a filter begins, are passed over.
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
-        if !self.due.is_due(list.stamp.sequence) {
+        let first = *self.first.get_or_insert(list.stamp.sequence);
+        let Some(sequence) = list.sequence().filter(|&sequence| sequence >= first) else {
+            return Ok(Flow::Send);
+        };
+        if !self.every.is_due(Some(sequence)) {
             return Ok(Flow::Send);
         }
         let time_ns = list.stamp.capture_time_ns;
@@ -59,7 +76,7 @@ impl Stage for Render {
         }
         self.renderer.draw(&list.lights, &self.camera, self.samples)?;
         let ending = if self.files.are_exr { "exr" } else { "png" };
-        let path = self.files.folder.join(format!("frame_{:05}.{ending}", list.stamp.sequence));
+        let path = self.files.folder.join(format!("frame_{sequence:05}.{ending}"));
         self.writer.write(&mut self.renderer, elapsed_s, &path, self.files.are_exr)?;
         Ok(Flow::Send)
     }
