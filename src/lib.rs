@@ -5,6 +5,7 @@ pub mod cli;
 pub mod compare;
 pub mod config;
 pub mod error;
+pub mod files;
 #[cfg(feature = "render")]
 pub mod gpu;
 pub mod image;

@@ -1,5 +1,6 @@
 use crate::error::Result;
-use crate::image::{Frame, Pixels, write_exr, write_png8};
+use crate::files::{write_exr, write_png8};
+use crate::image::{Frame, Pixels};
 use crate::light::LightList;
 use crate::render::Renderer;
 use crate::rt::fan_out::Every;

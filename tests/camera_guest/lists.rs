@@ -10,7 +10,8 @@ use crate::vivid;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use lightcast::config::Config;
-use lightcast::image::{Bayer, Frame, Pixels, read};
+use lightcast::files::read;
+use lightcast::image::{Bayer, Frame, Pixels};
 use lightcast::rt::Shutdown;
 use lightcast::service::{Ends, Output, RecordOptions, Service};
 use std::fs::{self, File};
@@ -71,7 +72,9 @@ fn lists_of_16_bits_are_those_of_the_written_pictures() {
         writer.write(picture);
         live.until("captured", |live| live.frames() == number as u64 + 1);
     }
-    live.until("written", |live| live.summary().stage("publish").unwrap().frames.get() == pictures.len() as u64);
+    live.until("written", |live| {
+        live.summary().stage("publish").unwrap().frames.get() == pictures.len() as u64
+    });
     let ended = live.end();
     assert_eq!(ended.stamps.len(), pictures.len(), "{}", ended.summary);
     assert_eq!(ended.longest_gap(), 0);

@@ -1,5 +1,6 @@
 use super::*;
-use crate::image::{Stamp, read};
+use crate::files::read;
+use crate::image::Stamp;
 
 fn frame(sequence: u64) -> Frame {
     let stamp = Stamp {
