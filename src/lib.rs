@@ -1,5 +1,6 @@
 #![doc = include_str!("../ARCHITECTURE.md")]
 
+pub mod calibrate;
 pub mod camera;
 pub mod cli;
 pub mod config;

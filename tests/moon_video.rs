@@ -5,9 +5,8 @@
 
 use flate2::read::GzDecoder;
 use glam::{DMat3, DVec2, DVec3};
-use lightcast::camera::{
-    Calibration, LOOKING_UP, Lens, LensParameters, Mark, Response, ResponseModel, fit_orientation,
-};
+use lightcast::calibrate::{Calibration, Mark, fit_orientation};
+use lightcast::camera::{LOOKING_UP, Lens, LensParameters, Response, ResponseModel};
 use lightcast::image::{Frame, Pixels, write_png16};
 use lightcast::math::{angle_between, direction};
 use std::fs;

@@ -3,7 +3,8 @@
 use crate::arrays::{numbers, save};
 use crate::cases::{Result, Work, repeated};
 use crate::distribution::{Distribution, Inversion};
-use lightcast::camera::{Calibration, FrameToPolar, LOOKING_UP, Projection};
+use lightcast::calibrate::Calibration;
+use lightcast::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast::image::{Frame, Pixels, PolarMap, PolarShape, luminance};
 use lightcast::sampling::halton;
 use std::hint::black_box;

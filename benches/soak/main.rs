@@ -8,7 +8,8 @@
 //! the frames are recorded too; files older than two seconds are removed, so that ten minutes (150 GB) fit anywhere:
 //! how fast a disk is in the long run is not measured.
 
-use lightcast::camera::{Calibration, Response, ResponseModel};
+use lightcast::calibrate::Calibration;
+use lightcast::camera::{Response, ResponseModel};
 use lightcast::config::Config;
 use lightcast::error::Result;
 use lightcast::image::{Frame, LatLongCentres, Pixels};

@@ -30,6 +30,32 @@ pub struct LensParameters {
     pub field_of_view_rad: f64,
 }
 
+impl LensParameters {
+    /// The field of view of a calibration that declares none, in radians (full angle), and in words how far it
+    /// reaches: up to the angle at which r stops increasing, or to the farthest corner of the image, whichever comes
+    /// first, so that no pixel of the image is cut away; at most the full sphere. [`Self::field_of_view_rad`] is
+    /// ignored.
+    pub fn default_field_of_view(&self) -> (f64, &'static str) {
+        let polynomial = RadialPolynomial { k: self.k };
+        let turning_rad = polynomial.turning_angle_rad();
+        // A millionth of a radian from the turning angle: closer to it the inverse loses its 1e-9 rad.
+        let limit_rad = turning_rad.map_or(PI, |turn_rad| turn_rad - 1e-6);
+        let (width, height) = (self.width as f64, self.height as f64);
+        let corner_radius = [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)]
+            .map(|(x, y)| ((x - self.cx) / self.fx).hypot((y - self.cy) / self.fy))
+            .into_iter()
+            .fold(0.0, f64::max);
+        if corner_radius < polynomial.radius(limit_rad) {
+            let theta_rad = polynomial.invert(corner_radius, limit_rad, 0.5 * limit_rad);
+            (2.0 * theta_rad, "to the farthest corner of the image")
+        } else if turning_rad.is_some() {
+            (2.0 * limit_rad, "to the angle at which r(theta) stops increasing")
+        } else {
+            (2.0 * limit_rad, "the whole sphere")
+        }
+    }
+}
+
 /// A lens whose parameters were checked: r increases over the whole field of view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
@@ -170,30 +196,6 @@ impl Lens {
     }
 }
 
-/// The field of view of a calibration that declares none, in radians (full angle), and in words how far it
-/// reaches: up to the angle at which r stops increasing, or to the farthest corner of the image, whichever comes
-/// first, so that no pixel of the image is cut away; at most the full sphere. `field_of_view_rad` of the argument
-/// is ignored.
-pub(super) fn default_field_of_view(parameters: &LensParameters) -> (f64, &'static str) {
-    let polynomial = RadialPolynomial { k: parameters.k };
-    let turning_rad = polynomial.turning_angle_rad();
-    // A millionth of a radian from the turning angle: closer to it the inverse loses its 1e-9 rad.
-    let limit_rad = turning_rad.map_or(PI, |turn_rad| turn_rad - 1e-6);
-    let (width, height) = (parameters.width as f64, parameters.height as f64);
-    let corner_radius = [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)]
-        .map(|(x, y)| ((x - parameters.cx) / parameters.fx).hypot((y - parameters.cy) / parameters.fy))
-        .into_iter()
-        .fold(0.0, f64::max);
-    if corner_radius < polynomial.radius(limit_rad) {
-        let theta_rad = polynomial.invert(corner_radius, limit_rad, 0.5 * limit_rad);
-        (2.0 * theta_rad, "to the farthest corner of the image")
-    } else if turning_rad.is_some() {
-        (2.0 * limit_rad, "to the angle at which r(theta) stops increasing")
-    } else {
-        (2.0 * limit_rad, "the whole sphere")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -254,7 +256,7 @@ mod tests {
         assert!(round_trip(&full) < 1e-9);
         let mut turning = equidistant(512, 512, 180.0);
         turning.k = [-0.1, 0.0, 0.0, 0.0];
-        turning.field_of_view_rad = default_field_of_view(&LensParameters { width: 4000, ..turning }).0;
+        turning.field_of_view_rad = LensParameters { width: 4000, ..turning }.default_field_of_view().0;
         let worst = round_trip(&Lens::new(turning).unwrap());
         assert!(worst < 1e-9, "{worst:e}");
     }
@@ -294,12 +296,12 @@ mod tests {
     fn default_field_of_view_reaches_the_farthest_corner_or_the_turn() {
         let parameters = equidistant(512, 512, 180.0);
         let expected = 2.0 * 2f64.sqrt() * PI / 2.0;
-        assert!((default_field_of_view(&parameters).0 - expected).abs() < 1e-12);
+        assert!((parameters.default_field_of_view().0 - expected).abs() < 1e-12);
         let turning = LensParameters { k: [-0.3, 0.0, 0.0, 0.0], ..parameters };
         let turn = (1.0f64 / 0.9).sqrt();
-        assert!((default_field_of_view(&turning).0 - 2.0 * turn).abs() < 1e-5);
+        assert!((turning.default_field_of_view().0 - 2.0 * turn).abs() < 1e-5);
         let huge = LensParameters { width: 4096, ..parameters };
-        assert!((default_field_of_view(&huge).0 - TAU).abs() < 1e-12);
+        assert!((huge.default_field_of_view().0 - TAU).abs() < 1e-12);
     }
 
     #[test]

@@ -3,18 +3,21 @@ use std::f64::consts::PI;
 /// The odd polynomial `r(theta) = theta + k1 theta^3 + k2 theta^5 + k3 theta^7 + k4 theta^9` of Kannala and
 /// Brandt 2004: distance from the principal point, in focal lengths, of a ray at `theta` from the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct RadialPolynomial {
-    pub(super) k: [f64; 4],
+pub struct RadialPolynomial {
+    /// k1 to k4.
+    pub k: [f64; 4],
 }
 
 impl RadialPolynomial {
-    pub(super) fn radius(&self, theta_rad: f64) -> f64 {
+    /// r at an angle from the axis.
+    pub fn radius(&self, theta_rad: f64) -> f64 {
         let [k1, k2, k3, k4] = self.k;
         let s = theta_rad * theta_rad;
         theta_rad * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
     }
 
-    pub(super) fn slope(&self, theta_rad: f64) -> f64 {
+    /// `dr / dtheta` there.
+    pub fn slope(&self, theta_rad: f64) -> f64 {
         let s = theta_rad * theta_rad;
         self.slope_in_square().iter().rev().fold(0.0, |sum, c| sum * s + c)
     }
@@ -26,13 +29,13 @@ impl RadialPolynomial {
     }
 
     /// The smallest angle in (0, pi] at which r stops increasing, if there is one.
-    pub(super) fn turning_angle_rad(&self) -> Option<f64> {
+    pub fn turning_angle_rad(&self) -> Option<f64> {
         smallest_non_positive(&self.slope_in_square(), PI * PI).map(f64::sqrt)
     }
 
     /// The angle in [0, theta_max] whose radius is `radius`, which must lie in [0, r(theta_max)], where r
     /// increases up to theta_max. Newton from `guess_rad`, held inside a bracket that every step shrinks.
-    pub(super) fn invert(&self, radius: f64, theta_max_rad: f64, guess_rad: f64) -> f64 {
+    pub fn invert(&self, radius: f64, theta_max_rad: f64, guess_rad: f64) -> f64 {
         let (mut low, mut high) = (0.0, theta_max_rad);
         let mut theta = if guess_rad > low && guess_rad < high { guess_rad } else { 0.5 * (low + high) };
         // Newton ends after 2-6 steps; 200 bounds a search that only bisects (f64 has 53 digits to find, and

@@ -192,7 +192,7 @@ fn by_code(value: impl Fn(u16) -> f32) -> Box<[f32; CODES]> {
 
 impl ResponseModel {
     /// Radiance of a code, which may lie between two; not clamped to the clip codes.
-    pub(super) fn radiance(&self, code: f64) -> f64 {
+    pub fn radiance(&self, code: f64) -> f64 {
         match self {
             Self::Identity => code,
             Self::Logarithmic { a, b, .. } => ((code - a) / b).exp(),

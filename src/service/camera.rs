@@ -1,4 +1,5 @@
-use crate::camera::{Calibration, FrameToPolar, LOOKING_UP, Projection, Response};
+use crate::calibrate::Calibration;
+use crate::camera::{FrameToPolar, LOOKING_UP, Projection, Response};
 use crate::config::{Config, ProjectionKind};
 use crate::error::{Error, Result};
 use crate::image::lat_long_note;

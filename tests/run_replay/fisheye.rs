@@ -1,5 +1,6 @@
 use crate::recording::{lightcast, lists, stderr};
-use lightcast::camera::{Calibration, Lens, LensParameters, Response, ResponseModel};
+use lightcast::calibrate::Calibration;
+use lightcast::camera::{Lens, LensParameters, Response, ResponseModel};
 use lightcast::image::{Frame, Pixels, write_png16};
 use std::fs;
 use std::process::Output;

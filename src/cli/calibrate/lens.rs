@@ -3,10 +3,9 @@ use super::photographs;
 use super::residual_plot::residual_plot;
 use super::write;
 #[cfg(feature = "april-grid")]
-use crate::camera::AprilGrid;
-use crate::camera::{
-    Calibration, CornerSet, LensFit, LensFitOptions, LensParameters, LensStart, Response, calibrate_lens,
-};
+use crate::calibrate::AprilGrid;
+use crate::calibrate::{Calibration, CornerSet, LensFit, LensFitOptions, LensStart, fit_lens};
+use crate::camera::{LensParameters, Response};
 use crate::cli::report::print;
 use crate::error::{Error, Result};
 use glam::DVec2;
@@ -106,7 +105,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let corners = corners(arguments)?;
     let start = start(arguments, &corners);
     let options = LensFitOptions { drop_factor: arguments.drop_factor };
-    let fit = calibrate_lens(&corners.views, &start, &options)?;
+    let fit = fit_lens(&corners.views, &start, &options)?;
     for view in &fit.views {
         if let Some(reason) = &view.dropped {
             tracing::warn!("{} is dropped: {reason}", view.name);

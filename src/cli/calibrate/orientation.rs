@@ -1,4 +1,5 @@
-use crate::camera::{Calibration, LOOKING_UP, Mark, Orientation, fit_orientation};
+use crate::calibrate::{Calibration, Mark, Orientation, fit_orientation};
+use crate::camera::LOOKING_UP;
 use crate::cli::report::print;
 use crate::error::{Error, Result, TomlText};
 use crate::math::{angle_between, direction};

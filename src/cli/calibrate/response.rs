@@ -2,7 +2,8 @@ mod bracket;
 mod from_patches;
 
 use super::write;
-use crate::camera::{Calibration, CodeLimits, Family, Response};
+use crate::calibrate::{Calibration, CodeLimits, Family};
+use crate::camera::Response;
 use crate::cli::report::print;
 use crate::cli::signals::SignalWatch;
 use crate::config::Config;

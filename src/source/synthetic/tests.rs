@@ -1,6 +1,7 @@
 use super::integrate::View;
 use super::*;
-use crate::camera::{Calibration, FrameToPolar, Response};
+use crate::calibrate::Calibration;
+use crate::camera::{FrameToPolar, Response};
 use crate::error::{Error, Kind, TomlText};
 use crate::image::test_data::real_folder;
 use crate::image::{PolarMap, PolarShape, read};

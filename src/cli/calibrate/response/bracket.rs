@@ -1,7 +1,6 @@
 use super::{Arguments, Found, Input, curve, digits, read};
-use crate::camera::{
-    BracketFit, BracketSamples, ExposureMerge, Response, SensorNoise, fit_bracket, recover_exposures,
-};
+use crate::calibrate::{BracketFit, BracketSamples, fit_bracket, recover_exposures};
+use crate::camera::{ExposureMerge, Response, SensorNoise};
 use crate::error::{Error, Result, TomlText};
 use crate::image::{Frame, exposure_settings, write_exr};
 use crate::picture::{Panel, Plot, Series};

@@ -3,7 +3,7 @@
 use super::adjust::{NormalEquations, State};
 use super::search::{ALL, Found, refined};
 use super::{BoardView, Corner, LensStart};
-use crate::camera::radial_polynomial::RadialPolynomial;
+use crate::camera::RadialPolynomial;
 use crate::camera::{Lens, LensParameters};
 use crate::error::{Error, Result};
 use glam::DVec2;

@@ -1,7 +1,7 @@
 //! The projection of [`Lens`](crate::camera::Lens) with its derivatives, for any lens that a search may try: nothing
 //! is checked, and rays at every angle have a pixel.
 
-use crate::camera::radial_polynomial::RadialPolynomial;
+use crate::camera::RadialPolynomial;
 use glam::DVec2;
 use nalgebra::{SMatrix, Vector2, Vector3};
 use std::f64::consts::PI;

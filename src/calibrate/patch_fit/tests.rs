@@ -1,5 +1,5 @@
 use super::*;
-use crate::camera::{PatchCodes, Rectangle};
+use crate::calibrate::{PatchCodes, Rectangle};
 use crate::image::{Frame, Pixels};
 
 /// Marsaglia's xorshift64, as numbers of about a normal distribution.

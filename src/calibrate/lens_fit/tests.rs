@@ -86,7 +86,7 @@ fn synthetic_within(
 }
 
 fn fit(views: &[BoardView], start: &LensStart) -> LensFit {
-    calibrate_lens(views, start, &LensFitOptions::default()).unwrap()
+    fit_lens(views, start, &LensFitOptions::default()).unwrap()
 }
 
 /// Largest distance of pixels between two lenses, over rays up to `theta_max_rad`.
@@ -167,7 +167,7 @@ fn the_declared_field_of_view_is_kept_cut_or_remarked_on() {
         }
     }
     let keep_all = LensFitOptions { drop_factor: f64::INFINITY };
-    let error = calibrate_lens(&views, &declare(200.0), &keep_all).unwrap_err();
+    let error = fit_lens(&views, &declare(200.0), &keep_all).unwrap_err();
     assert_eq!(error.kind(), Kind::Failed);
     assert!(
         error.to_string().contains("turns at") && error.to_string().contains("inside the corners"),
@@ -247,7 +247,7 @@ fn what_determines_no_lens_is_an_error_that_says_what_to_do() {
     let views = synthetic(wide_lens(), 16, 0.1);
     let options = LensFitOptions::default();
     let failure = |views: &[BoardView], start: &LensStart| {
-        let error = calibrate_lens(views, start, &options).unwrap_err();
+        let error = fit_lens(views, start, &options).unwrap_err();
         (error.kind(), error.to_string())
     };
     for few in [0, 1, 2] {
@@ -291,7 +291,7 @@ fn what_determines_no_lens_is_an_error_that_says_what_to_do() {
         assert!(message.contains(part), "{part}: {message}");
     }
     let never = LensFitOptions { drop_factor: f64::NAN };
-    assert!(calibrate_lens(&views, &wide_start(), &never).unwrap_err().to_string().contains("drop factor"));
+    assert!(fit_lens(&views, &wide_start(), &never).unwrap_err().to_string().contains("drop factor"));
 }
 
 #[test]
@@ -303,7 +303,7 @@ fn views_without_any_agreement_are_an_error() {
             corner.pixel = DVec2::new(noise.uniform(), noise.uniform()) * 1024.0;
         }
     }
-    let error = calibrate_lens(&views, &wide_start(), &LensFitOptions::default()).unwrap_err();
+    let error = fit_lens(&views, &wide_start(), &LensFitOptions::default()).unwrap_err();
     assert_eq!(error.kind(), Kind::Failed);
     assert!(error.to_string().contains("add pictures") || error.to_string().contains("half of"), "{error}");
 }
@@ -469,7 +469,7 @@ fn real_chessboards_fit_as_well_as_with_others_solvers() {
         }
         // Neither the lens nor what is dropped depends on how well the circle was measured.
         for factor in [0.5, 0.8, 1.3, 2.0] {
-            let other = calibrate_lens(
+            let other = fit_lens(
                 &set.views,
                 &set.start(field_of_view_deg, factor * circle_px),
                 &LensFitOptions::default(),

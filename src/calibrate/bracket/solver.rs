@@ -1,6 +1,6 @@
 use super::curve::Curve;
 use super::samples::Places;
-use crate::camera::normal_equations::NormalEquations;
+use crate::calibrate::normal_equations::NormalEquations;
 
 /// A fitted curve.
 pub(super) struct Solution {

@@ -16,8 +16,8 @@
 //! Pixel coordinates have half-pixel centres; OpenCV and Kalibr put whole numbers at centres, so 0.5 px is added to
 //! their cx and cy on loading.
 
-use super::lens::default_field_of_view;
-use super::{Lens, LensParameters, Response, ResponseModel, document, kalibr_file, opencv_file};
+use super::{document, kalibr_file, opencv_file};
+use crate::camera::{Lens, LensParameters, Response, ResponseModel};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
@@ -139,7 +139,7 @@ impl Calibration {
             None => {
                 // The other numbers first: the default is made from them.
                 Lens::new(LensParameters { field_of_view_rad: 1e-9, ..parameters })?;
-                let (field_of_view_rad, reach) = default_field_of_view(&parameters);
+                let (field_of_view_rad, reach) = parameters.default_field_of_view();
                 parameters.field_of_view_rad = field_of_view_rad;
                 notes.push(format!(
                     "the calibration declares no field of view: taken as {:.2} degrees, {reach}; where the lens's \

@@ -1,6 +1,7 @@
 use super::{Family, PatchFitOptions, PatchUse};
-use crate::camera::normal_equations::NormalEquations;
-use crate::camera::{Patch, ResponseModel};
+use crate::calibrate::Patch;
+use crate::calibrate::normal_equations::NormalEquations;
+use crate::camera::ResponseModel;
 use crate::error::{Error, Result};
 
 /// A patch as the fit sees it.

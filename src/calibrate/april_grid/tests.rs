@@ -1,7 +1,6 @@
 use super::*;
-use crate::camera::{
-    BoardView, Calibration, Lens, LensFitOptions, LensParameters, LensStart, calibrate_lens,
-};
+use crate::calibrate::{BoardView, Calibration, LensFitOptions, LensStart, fit_lens};
+use crate::camera::{Lens, LensParameters};
 use crate::error::Kind;
 use crate::image::read_grey;
 use crate::image::test_data::real_folder;
@@ -146,7 +145,7 @@ fn a_lens_is_recovered_from_rendered_photographs() {
         circle_diameter_px: 560.0,
         circle_centre_px: DVec2::splat(280.0),
     };
-    let fit = calibrate_lens(&views, &start, &LensFitOptions::default()).unwrap();
+    let fit = fit_lens(&views, &start, &LensFitOptions::default()).unwrap();
     println!(
         "RMS {:.4} px to {:.1} degrees: {:?} +- {:?}",
         fit.rms_px,

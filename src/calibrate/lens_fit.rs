@@ -14,7 +14,7 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-use super::{Lens, LensParameters};
+use crate::camera::{Lens, LensParameters};
 use crate::error::{Error, Result};
 use glam::DVec2;
 
@@ -112,7 +112,7 @@ const CORNERS_MIN: usize = 6;
 /// `Usage` for a start that is no lens, and for numbers that are not finite, naming view and corner. `Failed`, saying
 /// what to do: fewer than three views that can be used, or fewer than half of them that agree; views that do not
 /// determine the lens; coefficients with which r(theta) turns between the corners.
-pub fn calibrate_lens(views: &[BoardView], start: &LensStart, options: &LensFitOptions) -> Result<LensFit> {
+pub fn fit_lens(views: &[BoardView], start: &LensStart, options: &LensFitOptions) -> Result<LensFit> {
     let start_lens = start.lens()?;
     check_numbers(views)?;
     if options.drop_factor.is_nan() || options.drop_factor <= 1.0 {

@@ -18,7 +18,8 @@ mod models;
 #[cfg(test)]
 mod tests;
 
-use super::{Patch, Response, ResponseModel};
+use super::Patch;
+use crate::camera::{Response, ResponseModel};
 use crate::error::{Error, Result};
 use models::{Limits, Point};
 

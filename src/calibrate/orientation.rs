@@ -5,7 +5,7 @@
 //! directions (Wahba 1965), found as the eigenvector of Davenport's symmetric 4 x 4 matrix (the q-method; Markley and
 //! Mortari 2000, equations 9 to 13).
 
-use super::Lens;
+use crate::camera::Lens;
 use crate::error::{Error, Result};
 use crate::math::angle_between;
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -125,8 +125,8 @@ fn wahba(rays: &[DVec3], directions: &[DVec3]) -> DMat3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{LOOKING_UP, LensParameters};
     use super::*;
+    use crate::camera::{LOOKING_UP, LensParameters};
     use crate::math::{direction, polar};
 
     fn lens() -> Lens {

@@ -1,7 +1,7 @@
 //! Kalibr's `camchain.yaml`: one entry per camera (`cam0`, `cam1`, ...), of which the `equidistant` ones are ours.
 
-use super::LensParameters;
 use super::document::{decimal, numbers, size};
+use crate::camera::LensParameters;
 use crate::error::{Error, Result};
 use serde_json::Value;
 

@@ -1,8 +1,8 @@
 //! Files that `cv::FileStorage` writes for `cv::fisheye`: K (3 x 3), D (4 values) and the image size. OpenCV fixes
 //! no names; those of its samples and of common tools are known, in any case and with or without underscores.
 
-use super::LensParameters;
 use super::document::{decimal, numbers, size};
+use crate::camera::LensParameters;
 use crate::error::{Error, Result};
 use serde_json::Value;
 

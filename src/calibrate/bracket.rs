@@ -24,7 +24,7 @@ mod solver;
 #[cfg(test)]
 mod tests;
 
-use super::{Response, ResponseModel};
+use crate::camera::{Response, ResponseModel};
 use crate::error::{Error, Result};
 use curve::Curve;
 pub use samples::BracketSamples;
