@@ -4,6 +4,7 @@ pub mod calibrate;
 pub mod camera;
 pub mod cli;
 pub mod config;
+pub mod design;
 pub mod error;
 #[cfg(feature = "render")]
 pub mod gpu;

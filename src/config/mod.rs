@@ -10,13 +10,13 @@ mod source;
 pub use server::ServerConfig;
 
 use crate::camera::{ColourMatrix, Response};
+use crate::design::FilterOptions;
 use crate::error::{Error, Result, TomlText};
 use crate::image::PolarShape;
 use crate::light;
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
 use crate::source::{BracketOptions, v4l2::V4l2Options};
-use crate::temporal::FilterOptions;
 use glam::DMat3;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};

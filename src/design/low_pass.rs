@@ -5,6 +5,7 @@
 //! that keeps the delay nearest to the paper's 4 frames at 25 Hz, 160 ms.
 
 use crate::error::{Error, Result};
+use crate::temporal::{Directions, Taps};
 use pm_remez::{Band, PMParameters, ParametersBuilder, pm_remez};
 use serde::Deserialize;
 
@@ -37,17 +38,6 @@ pub struct FilterOptions {
     pub directions: Directions,
 }
 
-/// How frames weigh in the direction of a filtered light.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Directions {
-    /// By the light's power: the irradiance is filtered.
-    #[default]
-    ByPower,
-    /// All alike, whether the light shines or not: the paper's.
-    Alike,
-}
-
 impl Default for FilterOptions {
     /// The published filter: 7 Hz, 9.6 Hz, 4 frames at 25 Hz.
     fn default() -> Self {
@@ -77,32 +67,6 @@ impl FilterOptions {
     }
 }
 
-/// Coefficients of a symmetric FIR of odd length whose sum is 1, newest frame first.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Taps(Vec<f64>);
-
-impl Taps {
-    /// The filter that changes nothing.
-    pub fn identity() -> Self {
-        Self(vec![1.0])
-    }
-
-    /// The coefficients; an odd number of them.
-    pub fn as_slice(&self) -> &[f64] {
-        &self.0
-    }
-
-    /// Number of coefficients less one, even.
-    pub fn order(&self) -> usize {
-        self.0.len() - 1
-    }
-
-    /// Group delay at every frequency; 0 means that nothing is filtered.
-    pub fn delay_frames(&self) -> u32 {
-        (self.order() / 2) as u32
-    }
-}
-
 /// Taps for a frame rate: order `2 round(delay_s * frame_rate_hz)`, gain 1 at 0 Hz.
 ///
 /// Gives [`Taps::identity`] where nothing is to be filtered: options not `enabled`, a rate below `2 stop_hz` (the
@@ -112,7 +76,7 @@ impl Taps {
 /// # Errors
 /// Kind `Usage` for options that [`FilterOptions::check`] refuses, for an order above 640 (rates above 2000 Hz at
 /// the default delay) and for bands that no filter of this order tells apart.
-pub fn design(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
+pub fn low_pass(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
     options.check()?;
     // Written so that NaN ends here too.
     let sampled = frame_rate_hz > 0.0 && frame_rate_hz >= 2.0 * options.stop_hz;
@@ -134,7 +98,7 @@ pub fn design(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
         return Err(cannot_tell_apart(options.pass_hz, options.stop_hz, frame_rate_hz, taps.len() - 1));
     }
     taps.iter_mut().for_each(|tap| *tap /= sum);
-    Ok(Taps(taps))
+    Taps::new(taps)
 }
 
 /// Equiripple low-pass of even `order`, the same weight on both bands, not normalised.
@@ -203,7 +167,7 @@ mod tests {
         let sum: f64 = taps.iter().sum();
         assert!((sum - 1.09245).abs() < 1e-4, "{sum}");
         // Divided by their sum they are what is used.
-        let used = design(25.0, &FilterOptions::default()).unwrap();
+        let used = low_pass(25.0, &FilterOptions::default()).unwrap();
         assert!(used.as_slice().iter().zip(&taps).all(|(used, tap)| (used * sum - tap).abs() < 1e-15));
         assert_eq!((used.order(), used.delay_frames()), (8, 4));
     }
@@ -218,7 +182,7 @@ mod tests {
     fn gain_is_one_at_0_hz_and_ripples_are_equal_at_every_rate() {
         for rate in [19.2, 19.3, 20.0, 21.0, 23.976, 24.0, 25.0, 29.97, 30.0, 50.0, 60.0, 90.0, 120.0, 240.0]
         {
-            let taps = design(rate, &FilterOptions::default()).unwrap();
+            let taps = low_pass(rate, &FilterOptions::default()).unwrap();
             assert_eq!(taps.order(), 2 * (0.16 * rate).round() as usize, "{rate} Hz");
             assert!((gain(taps.as_slice(), 0.0) - 1.0).abs() < 1e-12);
             // Chebyshev's alternation theorem: the best filter has equal ripples in both bands. At twice the stop
@@ -252,7 +216,7 @@ mod tests {
     #[test]
     fn high_rates_work_up_to_order_640_and_are_refused_in_words_above() {
         for rate in [500.0, 1000.0, 2000.0] {
-            let taps = design(rate, &FilterOptions::default()).unwrap();
+            let taps = low_pass(rate, &FilterOptions::default()).unwrap();
             assert_eq!(taps.delay_frames(), (0.16 * rate) as u32);
             assert!((gain(taps.as_slice(), 0.0) - 1.0).abs() < 1e-12);
             let (pass, stop) = ripples(taps.as_slice(), rate, 7.0, 9.6);
@@ -260,7 +224,7 @@ mod tests {
             assert!(pass < 0.151 && stop < 0.0752, "{rate} Hz: {pass} {stop}");
         }
         for rate in [2010.0, 1e300, f64::INFINITY] {
-            let error = design(rate, &FilterOptions::default()).unwrap_err();
+            let error = low_pass(rate, &FilterOptions::default()).unwrap_err();
             assert_eq!(error.kind(), Kind::Usage);
             assert!(error.to_string().contains("above 640"), "{error}");
         }
@@ -269,12 +233,12 @@ mod tests {
     #[test]
     fn slow_and_unknown_rates_are_not_filtered() {
         for rate in [10.0, 19.199, 0.0, -25.0, f64::NAN, f64::NEG_INFINITY] {
-            assert_eq!(design(rate, &FilterOptions::default()).unwrap(), Taps::identity(), "{rate}");
+            assert_eq!(low_pass(rate, &FilterOptions::default()).unwrap(), Taps::identity(), "{rate}");
         }
         let off = FilterOptions { enabled: false, ..FilterOptions::default() };
-        assert_eq!(design(25.0, &off).unwrap().delay_frames(), 0);
+        assert_eq!(low_pass(25.0, &off).unwrap().delay_frames(), 0);
         let at_once = FilterOptions { delay_s: 0.0, ..FilterOptions::default() };
-        assert_eq!(design(25.0, &at_once).unwrap(), Taps::identity());
+        assert_eq!(low_pass(25.0, &at_once).unwrap(), Taps::identity());
     }
 
     #[test]
@@ -287,7 +251,7 @@ mod tests {
             (FilterOptions { stop_hz: f64::INFINITY, ..default }, "stop_hz = inf"),
             (FilterOptions { delay_s: -0.1, ..default }, "delay_s = -0.1"),
         ] {
-            let error = design(25.0, &options).unwrap_err();
+            let error = low_pass(25.0, &options).unwrap_err();
             assert_eq!(error.kind(), Kind::Usage);
             assert!(error.to_string().contains(key), "{error}");
         }
@@ -306,7 +270,7 @@ mod tests {
                             delay_s,
                             ..Default::default()
                         };
-                        match design(rate, &options) {
+                        match low_pass(rate, &options) {
                             Ok(taps) => {
                                 assert!((taps.as_slice().iter().sum::<f64>() - 1.0).abs() < 1e-9);
                                 designed += 1;
