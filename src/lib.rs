@@ -6,6 +6,7 @@ pub mod cli;
 pub mod config;
 pub mod design;
 pub mod error;
+pub mod files;
 #[cfg(feature = "render")]
 pub mod gpu;
 pub mod image;

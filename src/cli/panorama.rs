@@ -1,7 +1,8 @@
 use super::resolution::Resolution;
 use crate::camera::{FrameToPolar, PixelCounts, Projection, Response};
 use crate::error::{Error, Kind, Result};
-use crate::image::{self, Frame, Pixels, PolarMap, PolarShape, lat_long_note};
+use crate::files::{self, lat_long_note};
+use crate::image::{Frame, Pixels, PolarMap, PolarShape};
 use glam::DMat3;
 use std::path::Path;
 
@@ -21,7 +22,7 @@ pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> 
 /// [`read_panorama`] for maps of several shapes of one panorama.
 pub(super) fn read_panorama_as(path: &Path, shapes: &[PolarShape]) -> Result<Vec<PolarMap>> {
     let mut frame = Frame::default();
-    let attributes = image::read(path, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
+    let attributes = files::read(path, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
     if matches!(frame.pixels, Pixels::Codes(_)) {
         return Err(Error::failed(
             "holds raw sensor codes; a panorama of radiance is needed, OpenEXR or Radiance HDR",

@@ -2,8 +2,8 @@ use super::*;
 use crate::calibrate::{BoardView, Calibration, LensFitOptions, LensStart, fit_lens};
 use crate::camera::{Lens, LensParameters};
 use crate::error::Kind;
-use crate::image::read_grey;
-use crate::image::test_data::real_folder;
+use crate::files::read_grey;
+use crate::files::test_data::real_folder;
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3, SMatrix, SymmetricEigen, Vector3};
 
