@@ -3,6 +3,7 @@
 pub mod calibrate;
 pub mod camera;
 pub mod cli;
+pub mod compare;
 pub mod config;
 pub mod design;
 pub mod error;

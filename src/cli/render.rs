@@ -7,11 +7,12 @@ use super::messages::PROGRESS;
 use super::panorama::{map_shape, read_panorama};
 use super::resolution::Resolution;
 use super::signals::SignalWatch;
+use crate::compare::{self, AnyExtractor, Inversion};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
 use crate::image::PolarMap;
-use crate::light::{self, Extractor, Light, LightList, ListFile};
+use crate::light::{Light, LightList, ListFile};
 use crate::render::{Options, Renderer, emitters};
 use crate::rt::stage::{self as stages, Nowhere, Stage};
 use crate::rt::{Clock, Metrics, Shutdown};
@@ -268,9 +269,10 @@ fn lights_of_map(arguments: &Arguments, scene: &Scene, map: &PolarMap) -> Result
         Shading::Phong { specular, .. } => specular != [0.0; 3],
     });
     let count = if is_glossy { arguments.lights.max(arguments.glossy_lights) } else { arguments.lights };
-    let options = light::Options { count, sampler: arguments.sampler.into(), ..light::Options::default() };
+    let options =
+        compare::Options { count, sampler: arguments.sampler.into(), inversion: Inversion::default() };
     let mut list = LightList::default();
-    Extractor::new(map.shape, &options)?.extract(map, &mut list);
+    AnyExtractor::new(map.shape, &options)?.extract(map, &mut list);
     Ok(list.lights)
 }
 
