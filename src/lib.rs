@@ -1,7 +1,6 @@
 #![doc = include_str!("../ARCHITECTURE.md")]
 
 pub mod calibrate;
-pub mod camera;
 pub mod cli;
 pub mod compare;
 pub mod config;
@@ -10,16 +9,13 @@ pub mod error;
 pub mod files;
 #[cfg(feature = "render")]
 pub mod gpu;
-pub mod image;
 pub mod light;
-pub mod math;
 pub mod net;
 pub mod picture;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod report;
 pub mod rt;
-pub mod sampling;
 #[cfg(feature = "render")]
 pub mod scene;
 pub mod service;

@@ -1,12 +1,12 @@
 //! What a frame costs against the size of the map and the number of lights: a table with fitted exponents, and a plot.
 
 use super::scene;
-use lightcast::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast::design::{FilterOptions, RateFilter};
-use lightcast::image::{PolarMap, PolarShape};
 use lightcast::light::error::ListError;
 use lightcast::light::{Extractor, LightList, MapIrradiance, Options};
 use lightcast::picture::{Panel, Plot, Series};
+use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
+use lightcast_core::image::{PolarMap, PolarShape};
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 

@@ -11,15 +11,15 @@ mod stream;
 mod table;
 
 use criterion::{BatchSize, Criterion};
-use lightcast::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast::design::{FilterOptions, RateFilter};
-use lightcast::image::{Bayer, Frame, PolarMap, PolarShape, luminance};
 use lightcast::light::error::ListError;
 use lightcast::light::{
     Extractor, LightList, MapIrradiance, NearestSites, Options, RegionLists, Regions, cluster,
 };
-use lightcast::sampling::{Bicontinuous, Standard, sample_points};
 use lightcast::wire::{Delivery, Message, binary, json};
+use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
+use lightcast_core::image::{Bayer, Frame, PolarMap, PolarShape, luminance};
+use lightcast_core::sampling::{Bicontinuous, Standard, sample_points};
 use std::hint::black_box;
 use std::time::Duration;
 

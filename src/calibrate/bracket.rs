@@ -24,9 +24,9 @@ mod solver;
 #[cfg(test)]
 mod tests;
 
-use crate::camera::{Response, ResponseModel};
 use crate::error::{Error, Result};
 use curve::Curve;
+use lightcast_core::camera::{Response, ResponseModel};
 pub use samples::BracketSamples;
 use solver::{Solution, solve};
 
@@ -220,5 +220,5 @@ fn response(curve: &Curve, codes_seen: (f64, f64), black: u16, saturation: u16) 
             (code, (curve.continued(f64::from(code), codes_seen) - middle).exp())
         })
         .collect();
-    Response::new(ResponseModel::PiecewiseLinear { knees })
+    Ok(Response::new(ResponseModel::PiecewiseLinear { knees })?)
 }

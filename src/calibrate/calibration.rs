@@ -17,8 +17,8 @@
 //! their cx and cy on loading.
 
 use super::{document, kalibr_file, opencv_file};
-use crate::camera::{Lens, LensParameters, Response, ResponseModel};
 use crate::error::{Error, Result};
+use lightcast_core::camera::{Lens, LensParameters, Response, ResponseModel};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::Path;

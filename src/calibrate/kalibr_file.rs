@@ -1,8 +1,8 @@
 //! Kalibr's `camchain.yaml`: one entry per camera (`cam0`, `cam1`, ...), of which the `equidistant` ones are ours.
 
 use super::document::{decimal, numbers, size};
-use crate::camera::LensParameters;
 use crate::error::{Error, Result};
+use lightcast_core::camera::LensParameters;
 use serde_json::Value;
 
 /// Whether the document has a camera as Kalibr writes it.

@@ -14,9 +14,9 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-use crate::camera::{Lens, LensParameters};
 use crate::error::{Error, Result};
 use glam::DVec2;
+use lightcast_core::camera::{Lens, LensParameters};
 
 pub use outcome::{CornerResidual, LensDeviations, LensFit, ViewFit};
 
@@ -72,7 +72,7 @@ impl LensStart {
             )));
         }
         let f = circle_diameter_px / field_of_view_rad;
-        Lens::new(LensParameters {
+        Ok(Lens::new(LensParameters {
             width,
             height,
             fx: f,
@@ -81,7 +81,7 @@ impl LensStart {
             cy: circle_centre_px.y,
             k: [0.0; 4],
             field_of_view_rad,
-        })
+        })?)
     }
 }
 

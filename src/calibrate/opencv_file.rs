@@ -2,8 +2,8 @@
 //! no names; those of its samples and of common tools are known, in any case and with or without underscores.
 
 use super::document::{decimal, numbers, size};
-use crate::camera::LensParameters;
 use crate::error::{Error, Result};
+use lightcast_core::camera::LensParameters;
 use serde_json::Value;
 
 const MATRIX: &[&str] = &["k", "cameramatrix", "intrinsicmatrix"];

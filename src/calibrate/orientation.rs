@@ -5,10 +5,10 @@
 //! directions (Wahba 1965), found as the eigenvector of Davenport's symmetric 4 x 4 matrix (the q-method; Markley and
 //! Mortari 2000, equations 9 to 13).
 
-use crate::camera::Lens;
 use crate::error::{Error, Result};
-use crate::math::angle_between;
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use lightcast_core::camera::Lens;
+use lightcast_core::math::angle_between;
 use nalgebra::Matrix4;
 
 /// A pixel whose world direction is known.
@@ -126,8 +126,8 @@ fn wahba(rays: &[DVec3], directions: &[DVec3]) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{LOOKING_UP, LensParameters};
-    use crate::math::{direction, polar};
+    use lightcast_core::camera::{LOOKING_UP, LensParameters};
+    use lightcast_core::math::{direction, polar};
 
     fn lens() -> Lens {
         Lens::new(LensParameters {

@@ -1,7 +1,7 @@
 //! Grey patches: what a camera says of a part of its picture whose luminance is known.
 
 use crate::error::{Error, Result};
-use crate::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 use std::collections::BTreeMap;
 
 /// A part of a picture, in whole pixels from its top left corner.

@@ -19,8 +19,8 @@ mod models;
 mod tests;
 
 use super::Patch;
-use crate::camera::{Response, ResponseModel};
 use crate::error::{Error, Result};
+use lightcast_core::camera::{Response, ResponseModel};
 use models::{Limits, Point};
 
 /// The models that can be fitted.

@@ -44,8 +44,8 @@ impl RateFilter {
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::image::Stamp;
     use crate::light::Light;
+    use lightcast_core::image::Stamp;
 
     fn lamp(sequence: u64, frame_rate_hz: f64, irradiance: f32) -> LightList {
         let mut list = LightList::default();

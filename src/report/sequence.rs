@@ -8,15 +8,15 @@
 
 use super::filtered_truth::filtered;
 use super::sequence_maps::{garden_frame, hall_frame};
-use crate::compare::sequence_methods::{LIGHTS, SequenceMethod};
+use crate::compare::sequence_methods::SequenceMethod;
 use crate::compare::still_methods::SHAPE;
 use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::{Error, Result};
-use crate::image::{PolarMap, Stamp};
 use crate::light::measure::{Emitters, soft_ground_cells};
 use crate::light::{Light, LightList};
-use crate::math::angle_between;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, Stamp};
+use lightcast_core::math::angle_between;
 use std::time::{Duration, Instant};
 
 /// Frames of a sequence.

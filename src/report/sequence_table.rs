@@ -151,9 +151,9 @@ pub fn lines(rows: &[Row]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarMap;
-    use crate::light::test_maps::real_map;
     use crate::report::sequence::{Figures, SHAPE, Timed};
+    use lightcast_core::image::PolarMap;
+    use lightcast_core::test_data::real_map;
     use std::time::Duration;
 
     #[test]

@@ -3,10 +3,10 @@
 use super::energy::EnergyFilter;
 use super::history::History;
 use super::{Directions, Taps};
-use crate::image::{Stamp, luminance_f64};
 use crate::light::LightList;
 use crate::light::error::ListError;
 use glam::DVec3;
+use lightcast_core::image::{Stamp, luminance_f64};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// How much of the variance of a light's direction over the window becomes spread. All of it would be the RMS angle of

@@ -7,11 +7,11 @@
 
 use super::test_taps::taps;
 use super::{Directions, LightFilter};
-use crate::image::{PolarMap, PolarShape, Stamp, luminance_f64};
 use crate::light::measure::{Emitters, relative_rms, soft_ground_cells};
-use crate::light::test_maps::real_maps;
 use crate::light::{Extractor, Light, LightList, Options, REST_S};
-use crate::math::{angle_between, direction};
+use lightcast_core::image::{PolarMap, PolarShape, Stamp, luminance_f64};
+use lightcast_core::math::{angle_between, direction};
+use lightcast_core::test_data::real_maps;
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 const LIGHTS: usize = 128;

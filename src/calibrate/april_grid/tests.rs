@@ -1,10 +1,10 @@
 use super::*;
 use crate::calibrate::{BoardView, Calibration, LensFitOptions, LensStart, fit_lens};
-use crate::camera::{Lens, LensParameters};
 use crate::error::Kind;
 use crate::files::read_grey;
-use crate::files::test_data::real_folder;
 use glam::{DMat3, DVec3};
+use lightcast_core::camera::{Lens, LensParameters};
+use lightcast_core::test_data::real_folder;
 use nalgebra::{Matrix3, SMatrix, SymmetricEigen, Vector3};
 
 const KALIBR: &str = "target_type: 'aprilgrid' #gridtype\ntagCols: 6               #number of apriltags\ntagRows: 6\n\

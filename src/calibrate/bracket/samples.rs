@@ -1,6 +1,6 @@
 use super::CodeLimits;
 use crate::error::{Error, Result};
-use crate::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 
 /// What a bracket's pictures say, boiled down to blocks as they come in, so that only one picture need be in memory.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,8 +1,8 @@
 use super::*;
-use crate::camera::{ExposureMerge, SensorNoise};
-use crate::files::test_data::real_folder;
 use crate::files::{exposure_settings, read};
-use crate::image::{Frame, Pixels};
+use lightcast_core::camera::{ExposureMerge, SensorNoise};
+use lightcast_core::image::{Frame, Pixels};
+use lightcast_core::test_data::real_folder;
 
 /// Marsaglia's xorshift64, from -1/2 to 1/2.
 struct Random(u64);

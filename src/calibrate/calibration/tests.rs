@@ -1,5 +1,5 @@
 use super::*;
-use crate::files::test_data::real_folder;
+use lightcast_core::test_data::real_folder;
 
 const OWN: &str = r#"{
   "version": 1,

@@ -1,8 +1,8 @@
-//! The projection of [`Lens`](crate::camera::Lens) with its derivatives, for any lens that a search may try: nothing
+//! The projection of [`Lens`](lightcast_core::camera::Lens) with its derivatives, for any lens that a search may try: nothing
 //! is checked, and rays at every angle have a pixel.
 
-use crate::camera::RadialPolynomial;
 use glam::DVec2;
+use lightcast_core::camera::RadialPolynomial;
 use nalgebra::{SMatrix, Vector2, Vector3};
 use std::f64::consts::PI;
 
@@ -102,8 +102,8 @@ impl Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Lens, LensParameters};
     use glam::DVec3;
+    use lightcast_core::camera::{Lens, LensParameters};
 
     const LENS: Parameters = Parameters([310.0, 305.0, 512.3, 509.8, 0.02, -0.004, 0.0008, -0.00003]);
 

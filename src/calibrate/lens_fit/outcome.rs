@@ -3,10 +3,10 @@
 use super::adjust::{NormalEquations, State};
 use super::search::{ALL, Found, refined};
 use super::{BoardView, Corner, LensStart};
-use crate::camera::RadialPolynomial;
-use crate::camera::{Lens, LensParameters};
 use crate::error::{Error, Result};
 use glam::DVec2;
+use lightcast_core::camera::RadialPolynomial;
+use lightcast_core::camera::{Lens, LensParameters};
 
 /// A fitted lens and what there is to know about the fit.
 #[derive(Clone, Debug, PartialEq)]

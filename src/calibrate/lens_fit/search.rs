@@ -4,8 +4,8 @@ use super::adjust::{Free, State, adjust};
 use super::kannala_brandt::{COUNT, Parameters};
 use super::pose::{Pose, middle, planar_pose};
 use super::{BoardView, Corner, LensFitOptions, VIEWS_MIN, unusable};
-use crate::camera::Lens;
 use crate::error::{Error, Result};
+use lightcast_core::camera::Lens;
 
 const NOTHING: Free = [false; COUNT];
 const PINHOLE: Free = [true, true, true, true, false, false, false, false];

@@ -1,7 +1,7 @@
 use super::*;
 use crate::error::Kind;
-use crate::files::test_data::real_folder;
 use glam::{DMat3, DVec3};
+use lightcast_core::test_data::real_folder;
 use std::path::Path;
 
 /// Normal deviates without a pattern (splitmix64, Box-Muller), the same in every run.

@@ -1,8 +1,8 @@
 use super::{Family, PatchFitOptions, PatchUse};
 use crate::calibrate::Patch;
 use crate::calibrate::normal_equations::NormalEquations;
-use crate::camera::ResponseModel;
 use crate::error::{Error, Result};
+use lightcast_core::camera::ResponseModel;
 
 /// A patch as the fit sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 use super::*;
 use crate::calibrate::{PatchCodes, Rectangle};
-use crate::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 
 /// Marsaglia's xorshift64, as numbers of about a normal distribution.
 struct Noise(u64);

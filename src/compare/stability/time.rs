@@ -5,11 +5,11 @@ use super::maps::{power, reference};
 use super::{Bound, Case, Row, row};
 use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::Result;
-use crate::image::{PolarMap, PolarShape, Stamp};
 use crate::light::{Extractor, Light, LightList, Options};
-use crate::math::{angle_between, direction};
-use crate::sampling::sample_points;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, Stamp};
+use lightcast_core::math::{angle_between, direction};
+use lightcast_core::sampling::sample_points;
 
 const RATE_HZ: f64 = 25.0;
 const UP: [f32; 3] = [0.0, 1.0, 0.0];

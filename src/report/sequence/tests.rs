@@ -1,5 +1,5 @@
 use super::*;
-use crate::math::direction;
+use lightcast_core::math::direction;
 
 /// A lamp overhead of some power, beside a still one at the side that turns by `turn_rad` a frame.
 fn list(power: f32, azimuth_rad: f64) -> LightList {

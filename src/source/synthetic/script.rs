@@ -11,11 +11,11 @@ use super::scene::Scene;
 use super::sensor::Noise;
 use super::sky::Sky;
 use crate::calibrate::Calibration;
-use crate::camera::{LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
 use crate::error::{Error, Result, TomlText};
 use crate::files::{MAX_PIXELS, MAX_SIDE_PX, read};
-use crate::image::{Frame, LatLongCentres};
 use glam::DMat3;
+use lightcast_core::camera::{LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
+use lightcast_core::image::{Frame, LatLongCentres};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

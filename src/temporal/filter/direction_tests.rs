@@ -1,10 +1,10 @@
 //! What leaves as direction and spread, by power and alike.
 
 use super::*;
-use crate::image::Stamp;
 use crate::light::Light;
-use crate::math::{angle_between, direction};
 use crate::temporal::test_taps::taps;
+use lightcast_core::image::Stamp;
+use lightcast_core::math::{angle_between, direction};
 
 fn filter(directions: Directions, frames: impl Iterator<Item = Light>) -> Vec<Light> {
     let mut filter = LightFilter::new(taps(25.0), directions);

@@ -1,10 +1,10 @@
 use super::*;
-use crate::image::{PolarMap, PolarShape};
 use crate::light::error::NORMAL_COUNT;
 use crate::light::measure::{Emitters, relative_rms};
 use crate::light::{Extractor, Light, Options};
-use crate::math::{angle_between, direction};
 use crate::temporal::test_taps::taps;
+use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::math::{angle_between, direction};
 
 fn stamp(t: usize, rate: f64) -> Stamp {
     Stamp {

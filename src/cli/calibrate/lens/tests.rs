@@ -1,9 +1,9 @@
 use super::*;
 use crate::calibrate::{BoardView, Corner};
-use crate::camera::{Lens, ResponseModel};
 use crate::error::Kind;
 use clap::Parser;
 use glam::{DMat3, DVec3};
+use lightcast_core::camera::{Lens, ResponseModel};
 
 #[derive(Parser)]
 struct Line {

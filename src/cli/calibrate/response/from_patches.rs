@@ -2,9 +2,9 @@ use super::{Arguments, Found, Input, curve, digits};
 use crate::calibrate::{
     Family, Patch, PatchCodes, PatchFit, PatchFitOptions, PatchUse, Rectangle, fit_patches,
 };
-use crate::camera::ResponseModel;
 use crate::error::{Error, Result, TomlText};
 use crate::picture::{Panel, Plot, Series};
+use lightcast_core::camera::ResponseModel;
 use serde::Deserialize;
 use std::path::Path;
 

@@ -1,10 +1,32 @@
-//! Real and awkward maps for tests of this room and of `sampling`.
+//! Real pictures and awkward maps, for tests of this crate and of the program.
 
-use crate::files::test_data::real_folder;
 use crate::image::{PolarMap, PolarShape};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// A folder of real data: `LIGHTCAST_DATA`, by default `../shared/data`, and `name` below it. `None` where it
+/// is missing, after a line that names the running test and says so.
+pub fn real_folder(name: &str) -> Option<PathBuf> {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let folder = std::env::var_os("LIGHTCAST_DATA").map_or(default, PathBuf::from).join(name);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    say_skipped(&format!("no real data in {}", folder.display()));
+    None
+}
+
+/// Names the running test as skipped, and why.
+pub fn say_skipped(reason: &str) {
+    let test = std::thread::current().name().unwrap_or_default().to_owned();
+    // Not eprintln!, which the test harness swallows when a test passes; in one piece, as tests run side by
+    // side.
+    let line = format!("skipped: {test}: {reason}\n");
+    let _ = std::io::stderr().write_all(line.as_bytes());
+}
 
 /// Name and map of every `*_1k.hdr`, in the order of their names, averaged to `shape`; empty where there are none.
-pub(crate) fn real_maps(shape: PolarShape) -> Vec<(String, PolarMap)> {
+pub fn real_maps(shape: PolarShape) -> Vec<(String, PolarMap)> {
     let Some(folder) = real_folder("env") else { return Vec::new() };
     let mut names: Vec<String> = std::fs::read_dir(folder)
         .unwrap()
@@ -17,7 +39,7 @@ pub(crate) fn real_maps(shape: PolarShape) -> Vec<(String, PolarMap)> {
 }
 
 /// One real map, averaged to `shape`; `None` where there are none.
-pub(crate) fn real_map(name: &str, shape: PolarShape) -> Option<PolarMap> {
+pub fn real_map(name: &str, shape: PolarShape) -> Option<PolarMap> {
     let file = std::fs::File::open(real_folder("env")?.join(name)).unwrap();
     let decoder = ::image::codecs::hdr::HdrDecoder::new(std::io::BufReader::new(file)).unwrap();
     let picture = ::image::DynamicImage::from_decoder(decoder).unwrap().into_rgb32f();
@@ -81,7 +103,7 @@ fn overlaps(
 }
 
 /// The hard cases of METHODS section 10 that a map can show, with their names.
-pub(crate) fn hard_maps() -> Vec<(&'static str, PolarMap)> {
+pub fn hard_maps() -> Vec<(&'static str, PolarMap)> {
     const DARK: [f32; 3] = [1e-3, 2e-3, 4e-3];
     let shape = PolarShape::hemisphere(36, 9);
     let sun = |spots: &'static [(usize, usize)]| {

@@ -2,7 +2,7 @@
 
 use super::{Bicontinuous, Standard, sample_points};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::light::test_maps::{hard_maps, real_maps};
+use crate::test_data::{hard_maps, real_maps};
 use std::f64::consts::TAU;
 
 enum Either {

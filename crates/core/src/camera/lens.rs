@@ -199,8 +199,8 @@ impl Lens {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::test_data::real_folder;
     use crate::math::angle_between;
+    use crate::test_data::real_folder;
 
     pub(crate) fn equidistant(width: usize, height: usize, field_of_view_deg: f64) -> LensParameters {
         let f = 0.5 * width.min(height) as f64 / (0.5 * field_of_view_deg).to_radians();
