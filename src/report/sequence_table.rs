@@ -151,7 +151,9 @@ pub fn lines(rows: &[Row]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::sequence::{Figures, SHAPE, Timed};
+    use crate::compare::sequence_methods::is_published;
+    use crate::compare::still_methods::SHAPE;
+    use crate::report::sequence::{Figures, Timed};
     use lightcast_core::image::PolarMap;
     use lightcast_core::test_data::real_map;
     use std::time::Duration;

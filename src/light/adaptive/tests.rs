@@ -1,6 +1,6 @@
 use super::Adaptive;
 use crate::light::refine::Voronoi;
-use crate::light::seeds::{Seeds, dampened};
+use crate::light::seeds::{Seeds, dampened_luminance};
 use crate::light::{Extractor, Light, LightList, Options, Sampler};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape, Stamp};
