@@ -22,8 +22,7 @@ pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> 
 /// [`read_panorama`] for maps of several shapes of one panorama.
 pub(super) fn read_panorama_as(path: &Path, shapes: &[PolarShape]) -> Result<Vec<PolarMap>> {
     let mut frame = Frame::default();
-    let attributes =
-        files::read(path, &mut frame).map_err(|error| Error::from(error).with_kind(Kind::Failed))?;
+    let attributes = files::read(path, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
     if matches!(frame.pixels, Pixels::Codes(_)) {
         return Err(Error::failed(
             "holds raw sensor codes; a panorama of radiance is needed, OpenEXR or Radiance HDR",

@@ -39,6 +39,10 @@ pub struct AnyExtractor(Method);
 
 /// What each method keeps from map to map.
 #[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a report has one extractor at a time: its size is of no account"
+)]
 enum Method {
     Live(Box<Extractor>),
     /// A method of others, or a live one with samples by another inversion.

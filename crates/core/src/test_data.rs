@@ -1,5 +1,7 @@
 //! Real pictures and awkward maps, for tests of this crate and of the program.
 
+#![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
+
 use crate::image::{PolarMap, PolarShape};
 use std::io::Write;
 use std::path::{Path, PathBuf};
