@@ -1,9 +1,9 @@
 use super::resolution::Resolution;
-use crate::camera::{FrameToPolar, PixelCounts, Projection, Response};
 use crate::error::{Error, Kind, Result};
 use crate::files::{self, lat_long_note};
-use crate::image::{Frame, Pixels, PolarMap, PolarShape};
 use glam::DMat3;
+use lightcast_core::camera::{FrameToPolar, PixelCounts, Projection, Response};
+use lightcast_core::image::{Frame, Pixels, PolarMap, PolarShape};
 use std::path::Path;
 
 /// The polar map that a panorama is averaged to, unless `resolution` says otherwise: by degrees.
@@ -41,7 +41,7 @@ pub(super) fn read_panorama_as(path: &Path, shapes: &[PolarShape]) -> Result<Vec
         let mut map = PolarMap::black(shape);
         counts = frame_to_polar
             .apply(&frame, &response, &mut map)
-            .map_err(|error| error.with_kind(Kind::Failed).at(path.display()))?;
+            .map_err(|error| Error::from(error).with_kind(Kind::Failed).at(path.display()))?;
         Ok(map)
     };
     let maps = shapes.iter().map(&mut average).collect::<Result<Vec<_>>>()?;

@@ -2,8 +2,8 @@
 //! around a decoder that may panic.
 
 use crate::error::{Error, Result};
-use crate::image::{Frame, LatLongCentres, Pixels};
 use crate::rt;
+use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 
 /// Longest side that is read. The largest panoramas sold are 16384 x 8192, the largest fisheye sensors far
 /// smaller; a damaged header claims anything up to 2^32.

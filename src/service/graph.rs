@@ -160,9 +160,9 @@ impl Running {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Frame;
     use crate::rt::link::{bounded, latest};
     use crate::rt::stage::{Flow, Tick, Ticks};
+    use lightcast_core::image::Frame;
 
     struct Counts(u64);
 

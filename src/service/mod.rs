@@ -21,15 +21,16 @@ pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
 
 use crate::config::{self, Config, Links, Pace};
+use crate::design::{RateFilter, low_pass};
 use crate::error::{Error, Result};
-use crate::image::{Frame, PolarMap};
 use crate::light::{Extractor, LightList};
 use crate::net::{PostLists, PostMaps};
 use crate::rt::link::{self, Item};
 use crate::rt::{Metrics, Shutdown};
 use crate::stage;
-use crate::temporal::{LightFilter, Taps, design};
+use crate::temporal::Taps;
 use graph::{Departure, Graph, Running};
+use lightcast_core::image::{Frame, PolarMap};
 use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
@@ -273,13 +274,13 @@ fn extractor(config: &Config) -> Result<Extractor> {
     Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))
 }
 
-fn filter(config: &Config) -> Result<LightFilter> {
-    LightFilter::new(&config.filter).map_err(|error| config.locate("filter", error))
+fn filter(config: &Config) -> Result<RateFilter> {
+    RateFilter::new(&config.filter).map_err(|error| config.locate("filter", error))
 }
 
 /// The filter designs its taps when it sees the first list; what no taps can do is told before.
 fn taps(config: &Config, input: &Input) -> Result<Taps> {
-    design(input.format().frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))
+    low_pass(input.format().frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))
 }
 
 /// Links to what writes files.

@@ -2,10 +2,8 @@
 
 use super::camera;
 use super::input::Input;
-use crate::camera::Response;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::image::Frame;
 use crate::rt::{Metrics, Shutdown, link};
 use crate::stage::Record;
 use std::path::PathBuf;

@@ -1,5 +1,4 @@
 use crate::error::Result;
-use crate::image::PolarMap;
 use crate::light::{Extractor, LightList};
 use crate::rt::stage::{Flow, Stage};
 use std::time::Instant;

@@ -22,7 +22,6 @@ pub use record::{Record, Recording, SIDECAR, radiance_within_half};
 pub use render::{Files, PictureWriter, Render};
 pub use source::Source;
 
-use crate::image::{Frame, PolarMap};
 use crate::light::LightList;
 use crate::rt::link::{Copied, Item};
 

@@ -40,7 +40,7 @@ impl<W: Write + Send> Stage for Publish<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Stamp;
+    use lightcast_core::image::Stamp;
     use std::io;
 
     fn list(sequence: u64) -> LightList {

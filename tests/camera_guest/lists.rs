@@ -11,7 +11,6 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use lightcast::config::Config;
 use lightcast::files::read;
-use lightcast::image::{Bayer, Frame, Pixels};
 use lightcast::rt::Shutdown;
 use lightcast::service::{Ends, Output, RecordOptions, Service};
 use std::fs::{self, File};

@@ -1,6 +1,6 @@
 use super::*;
 use crate::files::read;
-use crate::image::Stamp;
+use lightcast_core::image::Stamp;
 
 fn frame(sequence: u64) -> Frame {
     let stamp = Stamp {
