@@ -24,6 +24,7 @@ pub use source::Source;
 
 use crate::light::LightList;
 use crate::rt::link::{Copied, Item};
+use lightcast_core::image::{Frame, PolarMap};
 
 impl Item for Frame {
     fn lost_before(&self) -> u64 {

@@ -3,7 +3,6 @@ use crate::files::{replace_file, write_recorded_exr};
 use crate::rt::stage::{Flow, Stage};
 use crate::rt::{Counter, Metrics};
 use lightcast_core::image::{Bayer, Frame, Pixels};
-use lightcast_core::image::{Bayer, Frame, Pixels};
 use serde::Serialize;
 use std::fs;
 use std::io::Write;
