@@ -88,7 +88,7 @@ impl From<SamplerName> for Sampler {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let shape = map_shape(arguments.resolution, arguments.hemisphere);
+    let shape = map_shape(arguments.resolution, arguments.hemisphere)?;
     let map = read_panorama(&arguments.map, shape)?;
     let options = Options {
         count: arguments.count,

@@ -244,7 +244,7 @@ fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
     let Target::File { path, is_exr } = target else {
         return Err(Error::usage("a panorama gives one picture; name a .png or .exr file").at(target.name()));
     };
-    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
+    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere)?)?;
     let mut renderer = renderer(arguments)?;
     let camera = camera(arguments, &renderer)?;
     if arguments.reference {

@@ -79,7 +79,7 @@ fn show(
 }
 
 fn show_panorama(arguments: &Arguments, display: Display, closing: &Shutdown) -> Result<()> {
-    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
+    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere)?)?;
     let scene = scene(arguments)?;
     let lights = lights_of_map(arguments, &scene, &map)?;
     show(arguments, display, Source::Still(lights), scene, map, closing)
