@@ -9,12 +9,6 @@ use crate::error::Result;
 use crate::image::{PolarMap, PolarShape, luminance};
 use std::time::Duration;
 
-/// The most lights that an [`Extractor`] makes.
-///
-/// Relaxation measures Voronoi cells on 65,536 lattice points; more lights than a quarter of that would have cells of
-/// fewer than four.
-pub const MAX_LIGHTS: usize = 16_384;
-
 /// Extracts the lights of one polar map after another.
 #[derive(Clone, Debug)]
 pub struct Extractor {

@@ -5,6 +5,7 @@ use crate::net::Board;
 use crate::rt::CaptureEpoch;
 use crate::rt::link::{Closed, Sender};
 use crate::rt::stage::{Flow, Stage};
+use crate::wire::write_list_line;
 use std::io::{ErrorKind, Write};
 use std::sync::Arc;
 
@@ -49,7 +50,7 @@ impl<W: Write + Send> Stage for Publish<W> {
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
         let place = || format!("{}: list {}", self.name, list.stamp.sequence);
         self.line.clear();
-        list.write_json_line(&mut self.line)
+        write_list_line(list, &mut self.line)
             .map_err(|error| Error::failed("cannot be put into JSON").because(error).at(place()))?;
         match self.writer.write_all(&self.line).and_then(|()| self.writer.flush()) {
             Ok(()) => {}
