@@ -4,6 +4,7 @@ use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::{Error, Result};
 use crate::light::error::ListError;
 use crate::light::{self, LightList};
+use crate::wire::write_list_line;
 use clap::ValueEnum;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
@@ -88,7 +89,7 @@ impl From<SamplerName> for Sampler {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let shape = map_shape(arguments.resolution, arguments.hemisphere);
+    let shape = map_shape(arguments.resolution, arguments.hemisphere)?;
     let map = read_panorama(&arguments.map, shape)?;
     let options = Options {
         count: arguments.count,
@@ -102,7 +103,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let mut list = LightList::default();
     AnyExtractor::new(map.shape, &options)?.step(&map, &mut list);
     ListError::new().measure(&mut list);
-    match list.write_json_line(io::stdout().lock()) {
+    match write_list_line(&list, io::stdout().lock()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Error::failed("standard output cannot be written").because(error))
         }

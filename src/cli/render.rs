@@ -11,16 +11,18 @@ use crate::compare::{self, AnyExtractor, Inversion};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
-use crate::light::{Light, LightList, ListFile};
+use crate::light::{Light, LightList};
 use crate::render::{Options, Renderer, emitters};
 use crate::rt::Shutdown;
 use crate::rt::stage::{self as stages, Stage};
 use crate::scene::{Camera, Scene, Shading};
 use crate::service::{Ends, ListReader, Service};
 use crate::stage::{Files, PictureWriter, Render};
+use crate::wire::ListFile;
 use clap::ValueEnum;
 use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
+use lightcast_core::image::PolarMap;
 use lightcast_core::image::PolarMap;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -244,7 +246,7 @@ fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
     let Target::File { path, is_exr } = target else {
         return Err(Error::usage("a panorama gives one picture; name a .png or .exr file").at(target.name()));
     };
-    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
+    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere)?)?;
     let mut renderer = renderer(arguments)?;
     let camera = camera(arguments, &renderer)?;
     if arguments.reference {

@@ -1,5 +1,5 @@
 use super::messages::PROGRESS;
-use super::panorama::read_panorama;
+use super::panorama::{map_shape, read_panorama};
 use super::render::load_scene;
 use super::report::print;
 use super::resolution::Resolution;
@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     }
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
     let options = options([side(size.columns), side(size.rows)], *shadow_maps);
-    let shape = PolarShape::hemisphere(resolution.columns, resolution.rows);
+    let shape = map_shape(Some(*resolution), true)?;
     let maps =
         maps.iter().map(|path| Ok((name(path), read_panorama(path, shape)?))).collect::<Result<Vec<_>>>()?;
     let mut models = vec![("built-in scene".to_owned(), Scene::built_in())];

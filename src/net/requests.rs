@@ -176,7 +176,7 @@ async fn map(
             *kept = Some(EncodedMap {
                 number,
                 sequence: map.stamp.sequence,
-                theta_max_rad: map.shape.theta_max_rad,
+                theta_max_rad: map.shape.theta_max_rad(),
                 bytes: encode(&map)?.into(),
             });
         }

@@ -1,6 +1,7 @@
 use crate::error::{Error, Result};
 use crate::light::LightList;
 use crate::rt::stage::{Flow, Stage};
+use crate::wire::write_list_line;
 use std::io::{ErrorKind, Write};
 
 /// Writes every list as one line of JSON and flushes, so that a reader has each list whole and at once. A reader
@@ -27,7 +28,7 @@ impl<W: Write + Send> Stage for Publish<W> {
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
         let place = || format!("{}: list {}", self.name, list.stamp.sequence);
         self.line.clear();
-        list.write_json_line(&mut self.line)
+        write_list_line(list, &mut self.line)
             .map_err(|error| Error::failed("cannot be put into JSON").because(error).at(place()))?;
         match self.writer.write_all(&self.line).and_then(|()| self.writer.flush()) {
             Ok(()) => Ok(Flow::Send),

@@ -3,10 +3,11 @@
 #[cfg(test)]
 mod tests;
 
+use super::limits::{MOST_IRRADIANCE, MOST_POWER};
 use super::quantity::{Scale, decode_direction, encode_direction};
 use super::{Delivery, Message};
 use crate::error::{Error, Result};
-use crate::light::{Light, LightList, MAX_LIGHTS, MOST_IRRADIANCE, MOST_POWER};
+use crate::light::{Light, LightList, MAX_LIGHTS};
 use lightcast_core::image::Stamp;
 use std::f64::consts::PI;
 use std::fmt::LowerExp;
@@ -28,7 +29,7 @@ const MAX_PREFIX_ERRORS: usize = 64;
 
 /// The part of a message that all clients of a list share: every byte from 48 on.
 ///
-/// Numbers that cannot be sent are replaced: NaN, infinity and what is negative as 0, irradiances above
+/// An error that was not measured is sent as 0. Numbers that cannot be sent are replaced: NaN, infinity and what is negative as 0, irradiances above
 /// 1e30 and powers above 1e36 as these, spreads above pi as pi; a direction that is none is sent as +Y. What this gives,
 /// [`decode`] takes.
 ///
@@ -70,7 +71,7 @@ pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
         body.extend_from_slice(&sound(power).min(MOST_POWER).to_le_bytes());
     }
     body.extend_from_slice(&list.filter_delay_frames.to_le_bytes());
-    body.extend_from_slice(&sound_f32(list.error).to_le_bytes());
+    body.extend_from_slice(&sound_f32(list.error.unwrap_or(0.0)).to_le_bytes());
     body.extend_from_slice(&brightest.to_le_bytes());
     body.extend_from_slice(&(prefix_errors.len() as u16).to_le_bytes());
     body.extend_from_slice(&(lights.len() as u16).to_le_bytes());
@@ -135,7 +136,7 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     let list = &mut message.list;
     (list.stamp, list.filter_delay_frames) = (header.stamp, header.filter_delay_frames);
     list.chosen_lights = None;
-    (list.power, list.error) = (header.power, header.error);
+    (list.power, list.error) = (header.power, Some(header.error));
     list.reference_irradiance.clear();
     list.prefix_errors.clear();
     list.prefix_errors.extend(

@@ -1,13 +1,18 @@
 //! Messages between the server and its clients, as text and as bytes (ARCHITECTURE.md, "The protocol").
 //!
-//! The server sends one list a message: in the subprotocol [`JSON`] the list as [`LightList`] writes it with one key
+//! The server sends one list a message: in the subprotocol [`JSON`] the list as [`write_list`] writes it with one key
 //! more, `stream`; in [`BINARY`] the layout of [`binary`]. What a client asks for is a [`Subscription`].
 
 pub mod binary;
 pub mod json;
+mod limits;
+mod list;
+mod list_file;
 mod quantity;
 mod subscription;
 
+pub use list::{read_list, write_list, write_list_line};
+pub use list_file::ListFile;
 pub use subscription::{Demand, QUEUE_MAX, Subscription};
 
 use crate::light::LightList;

@@ -93,7 +93,8 @@ fn fault_in(message: &Message) -> Option<String> {
             && (0.0..=std::f32::consts::PI).contains(&light.spread_rad)
     });
     let is_error = |error: f32| error >= 0.0 && error.is_finite();
-    let errors_sound = list.prefix_errors.iter().all(|&(_, error)| is_error(error)) && is_error(list.error);
+    let errors_sound =
+        list.prefix_errors.iter().all(|&(_, error)| is_error(error)) && list.error.is_none_or(is_error);
     let power_sound = list.power.iter().all(|v| (0.0..=1e36).contains(v));
     let mut ids: Vec<u32> = list.lights.iter().map(|light| light.id).collect();
     ids.sort_unstable();

@@ -6,7 +6,7 @@ use lightcast::config::Config;
 use lightcast::net::{Board, Client, ClientOptions, Server, ServerOptions};
 use lightcast::rt::{Metrics, Shutdown};
 use lightcast::service::{Ends, Output, Service};
-use lightcast::wire::{Message, Subscription, binary};
+use lightcast::wire::{Message, Subscription, binary, read_list, write_list, write_list_line};
 use std::io::{self, BufRead, BufReader, Write};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -150,7 +150,7 @@ fn over_a_whole_recording_a_client_gets_what_the_service_writes() {
     let mut last_ns = 0;
     for (line, message) in lines.iter().zip(&messages) {
         let mut got = Vec::new();
-        message.list.write_json(&mut got).unwrap();
+        write_list(&message.list, &mut got).unwrap();
         assert_eq!(*line, String::from_utf8(got).unwrap());
         let delivery = message.delivery;
         let age_ns = delivery.sent_monotonic_ns - delivery.capture_monotonic_ns.unwrap();
@@ -166,7 +166,7 @@ fn as_bytes_every_list_of_a_recording_is_within_the_stated_precision() {
     assert_eq!((lines.len(), messages.len()), (100, 100));
     for (line, message) in lines.iter().zip(&messages) {
         let mut exact = lightcast::light::LightList::default();
-        exact.read_json(line.as_bytes()).unwrap();
+        read_list(line.as_bytes(), &mut exact).unwrap();
         let got = &message.list;
         assert_eq!((got.stamp, got.power, got.error), (exact.stamp, exact.power, exact.error));
         assert_eq!((&got.prefix_errors, got.lights.len()), (&exact.prefix_errors, exact.lights.len()));
@@ -293,7 +293,7 @@ fn watch_renders_what_a_file_of_the_same_list_gives() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let mut line = Vec::new();
-    crate::connection::list(3, 100).write_json_line(&mut line).unwrap();
+    write_list_line(&crate::connection::list(3, 100), &mut line).unwrap();
     std::fs::write(at("list.jsonl"), line).unwrap();
     let options = ["--size", "48x36", "--samples", "1", "--output"];
     let mut render = lightcast();

@@ -7,13 +7,14 @@ use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::signals::SignalWatch;
 use crate::config::{Config, Pace};
 use crate::error::{Error, Result};
-use crate::light::{LightList, ListFile};
+use crate::light::LightList;
 use crate::net::{Client, ClientOptions};
 use crate::render::budget::BudgetOptions;
 use crate::rt::link::{self, Sender};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
 use crate::service::{Ends, Service, Summary};
 use crate::window::{Display, Settings, Source};
+use crate::wire::ListFile;
 use lightcast_core::image::{PolarMap, PolarShape};
 use std::ffi::OsStr;
 use std::io::{self, Write as _};
@@ -79,7 +80,7 @@ fn show(
 }
 
 fn show_panorama(arguments: &Arguments, display: Display, closing: &Shutdown) -> Result<()> {
-    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
+    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere)?)?;
     let scene = scene(arguments)?;
     let lights = lights_of_map(arguments, &scene, &map)?;
     show(arguments, display, Source::Still(lights), scene, map, closing)

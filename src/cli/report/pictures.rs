@@ -84,7 +84,11 @@ impl Drawing {
             table.notes = format!(
                 "The built-in scene in {} x {} pixels, maps of {} x {}, at most {MOST_LIGHTS} lights; drawn by {}. The time is \
                  that of the lights, not of the picture.",
-                SIZE[0], SIZE[1], SHAPE.columns, SHAPE.rows, self.adapter
+                SIZE[0],
+                SIZE[1],
+                SHAPE.columns(),
+                SHAPE.rows(),
+                self.adapter
             );
             let command = with_pictures(&of_maps(report.arguments, maps[..done].iter()));
             if !report.add(table.lines(), |document| document.add_pictures(table, command))? {
