@@ -3,8 +3,8 @@ mod values;
 mod window;
 
 use super::lights::SamplerName;
-use super::messages::PROGRESS;
 use super::panorama::{map_shape, read_panorama};
+use super::progress::Progress;
 use super::resolution::Resolution;
 use super::signals::SignalWatch;
 use crate::config::Config;
@@ -20,7 +20,6 @@ use crate::service::{Copies, Output, Service, list_link};
 use crate::stage::{Files, PictureWriter, Render};
 use clap::ValueEnum;
 use glam::Vec3;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -139,7 +138,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     time: f64,
 
-    /// Render the first list in every N sequence numbers.
+    /// Render the list of the first frame in every N sequence numbers; `run --picture-every N` draws the same frames,
+    /// and gives them the same numbers.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
 
@@ -248,12 +248,12 @@ fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
     let camera = camera(arguments, &renderer)?;
     if arguments.reference {
         let lights = emitters(&map);
-        let bar = PROGRESS.add(bar("emitters", Some(lights.len() as u64)));
+        let progress = Progress::of(Some(lights.len() as u64), "emitters");
         renderer.draw_reference(&lights, &camera, samples(arguments), |done| {
-            bar.set_position(done as u64);
+            progress.set_position(done as u64);
             true
         })?;
-        bar.finish_and_clear();
+        progress.finish();
     } else {
         let lights = lights_of_map(arguments, renderer.scene(), &map)?;
         renderer.draw(&lights, &camera, samples(arguments))?;
@@ -290,12 +290,12 @@ fn render_lists(arguments: &Arguments, target: &Target) -> Result<()> {
         }
         Target::Folder(folder) => {
             let mut render = numbered(arguments, renderer, camera, folder)?;
-            let bar = PROGRESS.add(bar("lists", None));
+            let progress = Progress::of(None, "lists");
             while file.read(&mut list)? {
                 render.step(&list, &mut ())?;
-                bar.inc(1);
+                progress.inc(1);
             }
-            bar.finish_and_clear();
+            progress.finish();
             Ok(())
         }
     }
@@ -317,16 +317,15 @@ fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
     let copies = Copies { lists: Some(lists_in), ..Copies::default() };
     let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
     let service = Service::start(&config, nowhere, copies, &shutdown)?;
-    let bar = PROGRESS.add(bar("lists", service.frame_count()));
+    let progress = Progress::of(service.frame_count(), "lists");
     let metrics = Metrics::new("render");
-    let progress = bar.clone();
-    let shown = Shown { render, bar: progress };
+    let shown = Shown { render, progress: progress.clone() };
     let rendered = stages::run(shown, lists, Nowhere, &Clock::real(), &shutdown, &metrics);
     // Whichever ends first ends the other: without a reader the service would go on for nothing.
     shutdown.request();
     let summary = service.summary().with(metrics);
     let served = service.join(Duration::from_millis(100), || ());
-    bar.finish_and_clear();
+    progress.finish();
     let _ = write!(io::stderr(), "{summary}");
     rendered.and(served)
 }
@@ -334,7 +333,7 @@ fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
 /// A stage that shows how far it is.
 struct Shown {
     render: Render,
-    bar: ProgressBar,
+    progress: Progress,
 }
 
 impl Stage for Shown {
@@ -342,7 +341,7 @@ impl Stage for Shown {
     type Output = ();
 
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<stages::Flow> {
-        self.bar.inc(1 + list.stamp.lost_before);
+        self.progress.inc(1 + list.stamp.lost_before);
         self.render.step(list, &mut ())
     }
 }
@@ -360,14 +359,4 @@ fn no_reference(arguments: &Arguments) -> Result<()> {
         return Err(Error::usage("--reference takes every pixel of a panorama as a light; give a panorama"));
     }
     Ok(())
-}
-
-fn bar(what: &str, length: Option<u64>) -> ProgressBar {
-    let (bar, template) = match length {
-        Some(length) => {
-            (ProgressBar::new(length), format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left"))
-        }
-        None => (ProgressBar::new_spinner(), format!("{{spinner}} {{pos}} {what}, {{elapsed}}")),
-    };
-    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

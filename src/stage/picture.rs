@@ -51,11 +51,12 @@ pub(super) fn described_map(list: &LightList) -> Option<u64> {
 pub(super) struct Due {
     every: u64,
     last_block: Option<u64>,
+    first_list: Option<u64>,
 }
 
 impl Due {
     pub fn new(every: u64) -> Self {
-        Self { every: every.max(1), last_block: None }
+        Self { every: every.max(1), last_block: None, first_list: None }
     }
 
     pub fn is_due(&mut self, sequence: u64) -> bool {
@@ -63,6 +64,14 @@ impl Due {
         let is_due = self.last_block != block;
         self.last_block = block;
         is_due
+    }
+
+    /// Whether a list describes a map that is due, so that all pictures of one frame carry the number of one list.
+    /// While the filter fills up, lists describe maps before the first; they count only where every list does.
+    pub fn is_list_due(&mut self, list: &LightList) -> bool {
+        let first = *self.first_list.get_or_insert(list.stamp.sequence);
+        self.every == 1
+            || described_map(list).is_some_and(|sequence| sequence >= first && self.is_due(sequence))
     }
 }
 
@@ -76,5 +85,23 @@ mod tests {
         let found: Vec<u64> =
             [3, 4, 9, 12, 19, 20, 21, 45, 50].into_iter().filter(|&sequence| due.is_due(sequence)).collect();
         assert_eq!(found, [3, 12, 20, 45, 50]);
+    }
+
+    #[test]
+    fn lists_are_due_with_the_maps_that_they_describe() {
+        let due_lists = |every, filter_delay_frames| -> Vec<u64> {
+            let mut due = Due::new(every);
+            let mut list = LightList::default();
+            list.filter_delay_frames = filter_delay_frames;
+            (1..=30)
+                .filter(|&sequence| {
+                    list.stamp.sequence = sequence;
+                    due.is_list_due(&list)
+                })
+                .collect()
+        };
+        assert_eq!(due_lists(10, 0), [1, 10, 20, 30]);
+        assert_eq!(due_lists(10, 4), [5, 14, 24], "of maps 1, 10 and 20");
+        assert_eq!(due_lists(1, 4), (1..=30).collect::<Vec<_>>());
     }
 }

@@ -1,4 +1,4 @@
-use super::picture::{Due, described_map};
+use super::picture::Due;
 use crate::error::{Error, Result};
 use crate::light::LightList;
 use crate::net::Board;
@@ -83,21 +83,17 @@ impl<W: Write + Send> Stage for Publish<W> {
 pub struct ListTap {
     lists: Sender<LightList>,
     due: Due,
-    first: Option<u64>,
 }
 
 impl ListTap {
     /// Copies go to `lists`, one in `every` sequence numbers of the maps that they describe.
     pub fn new(lists: Sender<LightList>, every: u64) -> Self {
-        Self { lists, due: Due::new(every), first: None }
+        Self { lists, due: Due::new(every) }
     }
 
     fn offer(&mut self, list: &LightList) -> Result<(), Closed> {
-        // While the filter fills up, lists describe maps before the first.
-        let first = *self.first.get_or_insert(list.stamp.sequence);
-        match described_map(list) {
-            Some(sequence) if sequence >= first && self.due.is_due(sequence) => {}
-            _ => return Ok(()),
+        if !self.due.is_list_due(list) {
+            return Ok(());
         }
         let mut copy = self.lists.take()?;
         copy.copy_from(list);

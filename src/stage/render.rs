@@ -35,7 +35,8 @@ pub struct PictureWriter {
 }
 
 impl Render {
-    /// Pictures of `samples` samples a pixel, of the first list in every block of `every` sequence numbers.
+    /// Pictures of `samples` samples a pixel, of the lists that describe the first map in every block of `every`
+    /// sequence numbers; each has the number of its list.
     pub fn new(renderer: Renderer, camera: Camera, samples: u32, files: Files, every: u64) -> Self {
         let writer = PictureWriter::default();
         Self { renderer, camera, samples, files, due: Due::new(every), last_time_ns: None, writer }
@@ -48,7 +49,7 @@ impl Stage for Render {
 
     /// The scene moves with the capture time of the lists, not with the time that passes.
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
-        if !self.due.is_due(list.stamp.sequence) {
+        if !self.due.is_list_due(list) {
             return Ok(Flow::Send);
         }
         let time_ns = list.stamp.capture_time_ns;
