@@ -227,7 +227,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
     async fn receive(&mut self, mut socket: Socket) -> Result<std::convert::Infallible, End> {
         let mut ask = interval(ASK_EVERY);
         ask.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut heard = Instant::now();
+        let mut last_activity = Instant::now();
         loop {
             tokio::select! {
                 received = socket.next() => {
@@ -242,10 +242,10 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                         None => return Err(End::Lost("the server has gone".to_owned())),
                     }
                     // Whoever takes the lists may have taken their time.
-                    heard = Instant::now();
+                    last_activity = Instant::now();
                 }
                 _ = ask.tick() => {
-                    if heard.elapsed() >= SILENCE_MAX {
+                    if last_activity.elapsed() >= SILENCE_MAX {
                         return Err(End::Lost(format!("silent for {} s", SILENCE_MAX.as_secs())));
                     }
                     let ping = socket.send(SocketMessage::Ping(Bytes::new()));
@@ -326,9 +326,15 @@ mod tests {
     fn a_request_carries_what_is_wanted_and_hides_the_token() {
         let mut options = ClientOptions::new("localhost:7300").unwrap();
         options.subscription = Subscription { lights: Some(8), queue: 3, ..Subscription::default() };
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(&file, "secret-0123456789").unwrap();
+        options.token = Some(Token::load(file.path()).unwrap());
         let request = options.request().unwrap();
         assert_eq!(request.uri(), "ws://localhost:7300/ws?lights=8&queue=3");
         assert_eq!(request.headers()[SEC_WEBSOCKET_PROTOCOL], wire::BINARY);
-        assert!(!format!("{options:?}").contains("secret"));
+        assert_eq!(request.headers()[AUTHORIZATION], "Bearer secret-0123456789");
+        for shown in [format!("{options:?}"), format!("{request:?}")] {
+            assert!(!shown.contains("secret"), "{shown}");
+        }
     }
 }
