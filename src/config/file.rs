@@ -13,16 +13,17 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 
-/// Largest side of a polar map. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses slips of the
-/// finger before they ask for all memory.
+/// Largest side of a polar map. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses slips
+/// of the finger before they ask for all memory.
 const MAX_MAP_SIDE: usize = 16_384;
 
-/// Lowest rim of a polar map. Rows are told apart by the cosine of their angles in f64: at this limit 90 rows still
-/// have their solid angles within 1e-6, far below it all have the same cosine and the map would be black.
+/// Lowest rim of a polar map. Rows are told apart by the cosine of their angles in f64: at this limit 90 rows
+/// still have their solid angles within 1e-6, far below it all have the same cosine and the map would be
+/// black.
 const LEAST_POLAR_ANGLE_DEG: f64 = 0.1;
 
-/// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and the turn that this
-/// leaves open is far below a pixel.
+/// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and the turn that
+/// this leaves open is far below a pixel.
 const ROTATION_TOLERANCE: f64 = 1e-5;
 
 #[derive(Deserialize)]

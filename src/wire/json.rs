@@ -1,5 +1,5 @@
-//! Lists as JSON: what [`LightList::write_json_line`] writes, without the line's end and with one key more at the end,
-//! `"stream":{...}`, a [`Delivery`]. A program that knows lists and no streams reads it as a list.
+//! Lists as JSON: what [`LightList::write_json_line`] writes, without the line's end and with one key more at
+//! the end, `"stream":{...}`, a [`Delivery`]. A program that knows lists and no streams reads it as a list.
 //!
 //! [`LightList::write_json_line`]: crate::light::LightList::write_json_line
 
@@ -24,8 +24,8 @@ pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
 /// Takes a message apart.
 ///
 /// # Errors
-/// Those of [`LightList::read_json`](crate::light::LightList::read_json); a `stream` that is missing or wrong; more
-/// than [`MESSAGE_MAX_BYTES`].
+/// Those of [`LightList::read_json`](crate::light::LightList::read_json); a `stream` that is missing or
+/// wrong; more than [`MESSAGE_MAX_BYTES`].
 pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     if bytes.len() > MESSAGE_MAX_BYTES {
         return Err(Error::failed(format!("has more than {MESSAGE_MAX_BYTES} bytes: no list has")));
@@ -97,7 +97,8 @@ mod tests {
         let [line, back] = there_and_back(&list);
         assert_eq!(line, back);
 
-        // Every float from 0 to 1e30 is one that a list may have: steps that meet all exponents, and the awkward ones.
+        // Every float from 0 to 1e30 is one that a list may have: steps that meet all exponents, and the
+        // awkward ones.
         let mut floats: Vec<f32> = (0..1e30_f32.to_bits()).step_by(150_001).map(f32::from_bits).collect();
         floats.extend([1e30, f32::MIN_POSITIVE, 0.1, 1.0 / 3.0, 16_777_216.0, 1e-45, 9.999_999e22, -0.0]);
         list.lights = floats
