@@ -3,8 +3,8 @@ mod values;
 mod window;
 
 use super::lights::SamplerName;
-use super::messages::PROGRESS;
 use super::panorama::{map_shape, read_panorama};
+use super::progress::Progress;
 use super::resolution::Resolution;
 use super::signals::SignalWatch;
 use crate::compare::{self, AnyExtractor, Inversion};
@@ -16,13 +16,11 @@ use crate::render::{Options, Renderer, emitters};
 use crate::rt::Shutdown;
 use crate::rt::stage::{self as stages, Stage};
 use crate::scene::{Camera, Scene, Shading};
-use crate::service::{Ends, ListReader, Service};
+use crate::service::{Ends, Input as ServiceInput, ListReader, Service};
 use crate::stage::{Files, PictureWriter, Render};
 use crate::wire::ListFile;
 use clap::ValueEnum;
 use glam::Vec3;
-use indicatif::{ProgressBar, ProgressStyle};
-use lightcast_core::image::PolarMap;
 use lightcast_core::image::PolarMap;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -142,7 +140,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     time: f64,
 
-    /// Render the first list in every N sequence numbers.
+    /// Render the list of the first frame in every N sequence numbers; `run --picture-every N` draws the same frames,
+    /// and gives them the same numbers.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
 
@@ -251,12 +250,12 @@ fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
     let camera = camera(arguments, &renderer)?;
     if arguments.reference {
         let lights = emitters(&map);
-        let bar = PROGRESS.add(bar("emitters", Some(lights.len() as u64)));
+        let progress = Progress::of(Some(lights.len() as u64), "emitters");
         renderer.draw_reference(&lights, &camera, samples(arguments), |done| {
-            bar.set_position(done as u64);
+            progress.set_position(done as u64);
             true
         })?;
-        bar.finish_and_clear();
+        progress.finish();
     } else {
         let lights = lights_of_map(arguments, renderer.scene(), &map)?;
         renderer.draw(&lights, &camera, samples(arguments))?;
@@ -294,12 +293,12 @@ fn render_lists(arguments: &Arguments, target: &Target) -> Result<()> {
         }
         Target::Folder(folder) => {
             let mut render = numbered(arguments, renderer, camera, folder)?;
-            let bar = PROGRESS.add(bar("lists", None));
+            let progress = Progress::of(None, "lists");
             while file.read(&mut list)? {
                 render.step(&list, &mut ())?;
-                bar.inc(1);
+                progress.inc(1);
             }
-            bar.finish_and_clear();
+            progress.finish();
             Ok(())
         }
     }
@@ -317,17 +316,14 @@ fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
     let renderer = renderer(arguments)?;
     let camera = camera(arguments, &renderer)?;
     let render = numbered(arguments, renderer, camera, folder)?;
-    let bar = PROGRESS.add(bar("lists", None));
-    let shown = Shown { render, bar: bar.clone() };
+    let input = ServiceInput::open(&config)?;
+    let progress = Progress::of(input.frame_count(), "lists");
+    let shown = Shown { render, progress: progress.clone() };
     let ends = Ends { readers: vec![ListReader::new("render", shown)], ..Ends::default() };
-    let service = Service::start(&config, ends, &shutdown)?;
-    if let Some(count) = service.frame_count() {
-        bar.set_length(count);
-        bar.set_style(bar_style("lists", true));
-    }
+    let service = Service::start_with(&config, input, ends, &shutdown)?;
     let summary = service.summary();
     let served = service.join(Duration::from_millis(100), || ());
-    bar.finish_and_clear();
+    progress.finish();
     let _ = write!(io::stderr(), "{summary}");
     served
 }
@@ -335,7 +331,7 @@ fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
 /// A stage that shows how far it is.
 struct Shown {
     render: Render,
-    bar: ProgressBar,
+    progress: Progress,
 }
 
 impl Stage for Shown {
@@ -343,7 +339,7 @@ impl Stage for Shown {
     type Output = ();
 
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<stages::Flow> {
-        self.bar.inc(1 + list.stamp.lost_before);
+        self.progress.inc(1 + list.stamp.lost_before);
         self.render.step(list, &mut ())
     }
 }
@@ -361,18 +357,4 @@ fn no_reference(arguments: &Arguments) -> Result<()> {
         return Err(Error::usage("--reference takes every pixel of a panorama as a light; give a panorama"));
     }
     Ok(())
-}
-
-fn bar(what: &str, length: Option<u64>) -> ProgressBar {
-    let bar = length.map_or_else(ProgressBar::new_spinner, ProgressBar::new);
-    bar.with_style(bar_style(what, length.is_some()))
-}
-
-fn bar_style(what: &str, has_length: bool) -> ProgressStyle {
-    let template = if has_length {
-        format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left")
-    } else {
-        format!("{{spinner}} {{pos}} {what}, {{elapsed}}")
-    };
-    ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }

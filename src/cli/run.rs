@@ -1,4 +1,4 @@
-use super::messages::PROGRESS;
+use super::progress::Progress;
 use super::serving::Serving;
 use super::signals::SignalWatch;
 use super::systemd::Watchdog;
@@ -7,7 +7,6 @@ use crate::error::{Error, Result};
 use crate::net::{Board, Server};
 use crate::rt::{Shutdown, StoppableWriter};
 use crate::service::{Ends, Output, Pictures, RecordOptions, Service, Summary};
-use indicatif::{ProgressBar, ProgressStyle};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::cell::RefCell;
 use std::fs::File;
@@ -17,15 +16,15 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How often the progress bar moves: quick enough to look alive, far slower than frames.
+/// How often the progress moves: quick enough to look alive, far slower than frames.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Capture or play what a configuration names and write a light list for every frame.
 ///
 /// Each frame gives one line of JSON: time and place in the sequence, power, error, and every light with its slot,
-/// direction, irradiance and spread. Standard error gets progress (on a terminal), every file that could not be
-/// read, and a summary at the end: frames, drops, bad frames and times of every stage, the frames that a camera lost,
-/// and the pixels that were saturated or invalid.
+/// direction, irradiance and spread. Standard error gets progress, every file that could not be read, and a summary at
+/// the end: frames, drops, bad frames and times of every stage, the frames that a camera lost, and the pixels that were
+/// saturated or invalid.
 ///
 /// Ctrl-C (SIGINT) or SIGTERM ends the run after the frames under way, and all lists written are whole; a second
 /// signal ends it at once with exit code 128 + signal. A reader that closes the pipe ends the run too.
@@ -54,7 +53,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
-    /// Draw the first map in every N sequence numbers.
+    /// Draw the first map in every N sequence numbers; a picture has the number of the list that is drawn on it.
     #[arg(long, value_name = "N", default_value_t = 25, requires = "pictures",
           value_parser = clap::value_parser!(u64).range(1..))]
     picture_every: u64,
@@ -127,16 +126,16 @@ pub(super) fn ends(
 pub(super) fn watch(
     service: Service,
     summary: &Summary,
-    things: &str,
+    things: &'static str,
     count: impl Fn(&Summary) -> u64,
     mut watch: impl FnMut(&Summary),
 ) -> Result<()> {
-    let bar = PROGRESS.add(progress_bar(service.frame_count(), things));
+    let progress = Progress::of(service.frame_count(), things);
     let outcome = service.join(PROGRESS_INTERVAL, || {
-        bar.set_position(count(summary));
+        progress.set_position(count(summary));
         watch(summary);
     });
-    bar.finish_and_clear();
+    progress.finish();
     // The summary also tells how far a failed run came.
     let _ = write!(io::stderr(), "{summary}");
     outcome
@@ -180,19 +179,4 @@ impl<'a> OutputFile<'a> {
         };
         Some(Output { name, open: Box::new(open) })
     }
-}
-
-/// Draws nothing unless standard error is a terminal.
-fn progress_bar(count: Option<u64>, things: &str) -> ProgressBar {
-    let template = if count.is_some() {
-        format!("{{bar:40}} {{pos}}/{{len}} {things}, {{per_sec}}, {{eta}} left")
-    } else {
-        format!("{{spinner}} {{pos}} {things}, {{per_sec}}, {{elapsed}}")
-    };
-    let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    match count {
-        Some(count) => ProgressBar::new(count),
-        None => ProgressBar::new_spinner(),
-    }
-    .with_style(style)
 }

@@ -323,9 +323,15 @@ mod tests {
     fn a_request_carries_what_is_wanted_and_hides_the_token() {
         let mut options = ClientOptions::new("localhost:7300").unwrap();
         options.subscription = Subscription { lights: Some(8), queue: 3, ..Subscription::default() };
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(&file, "secret-0123456789").unwrap();
+        options.token = Some(Token::load(file.path()).unwrap());
         let request = options.request().unwrap();
         assert_eq!(request.uri(), "ws://localhost:7300/ws?lights=8&queue=3");
         assert_eq!(request.headers()[SEC_WEBSOCKET_PROTOCOL], wire::BINARY);
-        assert!(!format!("{options:?}").contains("secret"));
+        assert_eq!(request.headers()[AUTHORIZATION], "Bearer secret-0123456789");
+        for shown in [format!("{options:?}"), format!("{request:?}")] {
+            assert!(!shown.contains("secret"), "{shown}");
+        }
     }
 }

@@ -122,7 +122,7 @@ impl Input {
     }
 
     /// Frames to come, readable or not; `None` without an end.
-    pub(super) fn frame_count(&self) -> Option<u64> {
+    pub fn frame_count(&self) -> Option<u64> {
         match &self.frames {
             Frames::Sequence(sequence) => sequence.frame_count(),
             Frames::Camera(_) => None,

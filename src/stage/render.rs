@@ -9,7 +9,7 @@ use crate::scene::Camera;
 use lightcast_core::image::{Frame, Pixels};
 use std::path::{Path, PathBuf};
 
-/// Renders lists into picture files with the numbers of the frames that the lists describe.
+/// Renders lists into picture files that are numbered as the lists.
 pub struct Render {
     renderer: Renderer,
     camera: Camera,
@@ -39,7 +39,8 @@ pub struct PictureWriter {
 }
 
 impl Render {
-    /// Pictures of `samples` samples a pixel, of the first frame in every block of `every` sequence numbers.
+    /// Pictures of `samples` samples a pixel, of the lists that describe the first frame in every block of `every`
+    /// sequence numbers: the same lists with which maps are drawn.
     pub fn new(renderer: Renderer, camera: Camera, samples: u32, files: Files, every: u64) -> Self {
         let writer = PictureWriter::default();
         Self {
@@ -60,13 +61,10 @@ impl Stage for Render {
     type Output = ();
 
     /// The scene moves with the capture time of the lists, not with the time that passes. Lists from before the first
-    /// frame, with which a filter begins, are passed over.
+    /// frame, with which a filter begins, count only where every list does.
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
         let first = *self.first.get_or_insert(list.stamp.sequence);
-        let Some(sequence) = list.sequence().filter(|&sequence| sequence >= first) else {
-            return Ok(Flow::Send);
-        };
-        if !self.every.is_due(Some(sequence)) {
+        if !self.every.is_due(list.sequence().filter(|&sequence| sequence >= first)) {
             return Ok(Flow::Send);
         }
         let time_ns = list.stamp.capture_time_ns;
@@ -77,7 +75,7 @@ impl Stage for Render {
         }
         self.renderer.draw(&list.lights, &self.camera, self.samples)?;
         let ending = if self.files.are_exr { "exr" } else { "png" };
-        let path = self.files.folder.join(format!("frame_{sequence:05}.{ending}"));
+        let path = self.files.folder.join(format!("frame_{:05}.{ending}", list.stamp.sequence));
         self.writer.write(&mut self.renderer, elapsed_s, &path, self.files.are_exr)?;
         Ok(Flow::Send)
     }

@@ -1,4 +1,4 @@
-//! Lists as bytes: 14 for a light. ARCHITECTURE.md, "The protocol", has the layout.
+//! Lists as bytes: 14 for a light. `docs/protocol.md` has the layout.
 
 #[cfg(test)]
 mod tests;
@@ -34,7 +34,8 @@ const MAX_PREFIX_ERRORS: usize = 64;
 /// [`decode`] takes.
 ///
 /// # Errors
-/// A light whose id is above 65,535; two lights of one id; more than [`MAX_LIGHTS`] lights or 64 prefix errors.
+/// A light whose id is above 65,535; two lights of one id; more than [`MAX_LIGHTS`] lights or 64 prefix
+/// errors.
 pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
     body.clear();
     let (lights, prefix_errors) = (&list.lights, &list.prefix_errors);
@@ -93,7 +94,8 @@ pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-/// Puts a message together from what [`encode_list`] gave and the rest. The capture times are sent if both are known.
+/// Puts a message together from what [`encode_list`] gave and the rest. The capture times are sent if both
+/// are known.
 pub fn encode(body: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     let Delivery { lost, capture_monotonic_ns, capture_utc_ns, sent_monotonic_ns, sent_utc_ns } = *delivery;
     let (flags, capture) = match (capture_monotonic_ns, capture_utc_ns) {
@@ -112,8 +114,8 @@ pub fn encode(body: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     message.extend_from_slice(body);
 }
 
-/// Takes a message apart, into the storage that `message` has. Flags that are unknown are passed over, and what a longer
-/// header has after byte 120.
+/// Takes a message apart, into the storage that `message` has. Flags that are unknown are passed over, and
+/// what a longer header has after byte 120.
 ///
 /// # Errors
 /// Says which byte is wrong; `message` is then as it was. Everything is looked at before anything is stored.

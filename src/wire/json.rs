@@ -96,7 +96,8 @@ mod tests {
         let [line, back] = there_and_back(&list);
         assert_eq!(line, back);
 
-        // Every float from 0 to 1e30 is one that a list may have: steps that meet all exponents, and the awkward ones.
+        // Every float from 0 to 1e30 is one that a list may have: steps that meet all exponents, and the
+        // awkward ones.
         let mut floats: Vec<f32> = (0..1e30_f32.to_bits()).step_by(150_001).map(f32::from_bits).collect();
         floats.extend([1e30, f32::MIN_POSITIVE, 0.1, 1.0 / 3.0, 16_777_216.0, 1e-45, 9.999_999e22, -0.0]);
         list.lights = floats

@@ -1,5 +1,5 @@
-//! Damaged messages: whatever comes from the network, taking it apart neither panics nor takes more memory than a small
-//! multiple of its length.
+//! Damaged messages: whatever comes from the network, taking it apart neither panics nor takes more memory
+//! than a small multiple of its length.
 //!
 //! Every decoder gets mutations of sound messages and made-up bytes, with fixed seeds. Environment variable
 //! `LIGHTCAST_FUZZ_INPUTS`: how many inputs in total; `make fuzz` runs ten million.
@@ -234,7 +234,8 @@ fn mutated_queries_never_panic() {
             "&", "=", "%", "%00", "%ff", "+", "lights=", "rate_hz=", "error=", "queue=", "1e999", "nan",
             "inf", "-0",
         ],
-        // Text is made of the bytes, keys and values are decoded one by one, and an error says one of them again.
+        // Text is made of the bytes, keys and values are decoded one by one, and an error says one of them
+        // again.
         asked_per_byte: 12,
         decode: |bytes, taken| {
             taken.subscription = Subscription::from_query(&String::from_utf8_lossy(bytes))?;

@@ -264,7 +264,10 @@ fn the_token_stands_in_no_message() {
     assert_eq!(code, Some(0), "{let_in}");
     let said = running.end();
     assert!(!said.contains(token) && !refused.contains(token) && !let_in.contains(token));
-    for line in said.lines().take_while(|line| line.starts_with('{')) {
+    // After the messages comes the summary.
+    let messages: Vec<&str> = said.lines().take_while(|line| line.starts_with('{')).collect();
+    assert!(messages.iter().any(|line| line.contains("TRACE")), "no message of the lowest level: {said}");
+    for line in messages {
         let message: serde_json::Value = serde_json::from_str(line).unwrap();
         assert!(message["timestamp"].is_string() && message["level"].is_string(), "{line}");
     }

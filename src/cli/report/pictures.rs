@@ -72,12 +72,13 @@ impl Drawing {
     pub fn measure(mut self, report: &mut Report, maps: &[Map]) -> Result<bool> {
         for (done, map) in (1..).zip(maps) {
             let Origin { name, command } = report.origin_of_map(map);
-            report.bar.set_message(format!("pictures under {name}"));
+            report.progress.set_message(format!("pictures under {name}"));
             let origin = Origin { name, command: with_pictures(&command) };
-            let (shutdown, bar) = (report.shutdown, &report.bar);
+            let (shutdown, progress) = (report.shutdown, &report.progress);
             let goes_on = || !shutdown.is_requested();
             let (pictures, pixels) = (&mut self.pictures, map.for_pictures());
-            let Some(mut table) = of_map(origin, pictures, pixels, &self.counts, goes_on, || bar.inc(1))?
+            let Some(mut table) =
+                of_map(origin, pictures, pixels, &self.counts, goes_on, || progress.inc(1))?
             else {
                 return Ok(false);
             };
