@@ -9,7 +9,6 @@ use crate::gpu::{Backend, Gpu};
 use crate::report::frame_time::heading;
 use crate::report::pictures::{COUNTS, Measured, Pictures, lines, means, options, plot};
 use crate::scene::Scene;
-use lightcast_core::image::PolarShape;
 use std::path::{Path, PathBuf};
 
 /// Print error of pictures against the number of lights, as tables and a plot.
