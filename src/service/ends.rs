@@ -1,10 +1,10 @@
 use super::RecordOptions;
 use crate::error::Result;
-use crate::light::LightList;
 use crate::net::Board;
 use crate::rt::stage::Stage;
 use crate::rt::{Metrics, link};
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::LightList;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
