@@ -48,7 +48,7 @@ fn a_filter_that_this_frame_rate_does_not_allow_is_refused_before_the_first_fram
 fn a_map_that_no_memory_holds_is_refused_with_file_and_line() {
     refused(
         &format!("{SOURCE}[map]\ncolumns = 16384\nrows = 16384\n"),
-        &["line 4: polar map of 16384 x 16384"],
+        &["line 5: columns = 16384: with 16384 rows a polar map has more than"],
     );
 }
 

@@ -63,7 +63,7 @@ fn wrong_usage_of_the_reports_is_told() {
         (&["report-pictures"][..], "<MAPS>"),
         (&["report-pictures", &sky, "--scene", &missing], "missing.glb"),
         (&["report-pictures", &sky, "--size", "0x1", "--resolution", "8x2"], "0 x 1 pixels"),
-        (&["report-pictures", &sky, "--resolution", "0x2"], "0 x 2 pixels"),
+        (&["report-pictures", &sky, "--resolution", "0x2"], "columns = 0"),
         (&["report-speed", &missing], "missing.glb"),
     ] {
         let Some(run) = run(arguments) else { return };
