@@ -1,18 +1,6 @@
-// Reflectance of a surface. CPU twin: src/render/shade_twin.rs.
+// Reflectance of a surface of a view (view/seen.wgsl). CPU twin: src/render/directional/shade_twin.rs.
 
 const PI = 3.14159265358979;
-
-struct Surface {
-    normal: vec3f,
-    // Normal of the triangle.
-    face: vec3f,
-    diffuse: vec3f,
-    specular: vec3f,
-    // Metal-rough: the roughness, 0 to 1. Phong: minus the exponent.
-    gloss: f32,
-    // Angle between the triangle and its smoothed normal, before a normal map.
-    bend: f32,
-}
 
 // GGX (Walter et al. 2007), alpha = roughness^2.
 fn ggx_distribution(n_h: f32, alpha: f32) -> f32 {

@@ -41,6 +41,8 @@ impl Fault {
 
 /// Types of bindings for [`Gpu::bind_group_layout`].
 pub const UNIFORM: wgpu::BindingType = buffer(wgpu::BufferBindingType::Uniform);
+/// An array that shaders write to.
+pub const READ_WRITE: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: false });
 /// An array that shaders read.
 pub const READ_ONLY: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: true });
 
@@ -162,16 +164,18 @@ impl Gpu {
         })
     }
 
-    /// A compute pipeline with the one entry point `main`, bindings as the shader declares them.
+    /// A compute pipeline with the one entry point `main`; without a `layout` its bindings are as the shader declares
+    /// them.
     pub fn compute_pipeline(
         &self,
         label: &str,
         sources: &[&str],
         constants: &[(&str, f64)],
+        layout: Option<&wgpu::PipelineLayout>,
     ) -> wgpu::ComputePipeline {
         self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(label),
-            layout: None,
+            layout,
             module: &self.shader(label, sources),
             entry_point: Some("main"),
             compilation_options: wgpu::PipelineCompilationOptions {

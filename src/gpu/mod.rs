@@ -10,5 +10,5 @@ pub(crate) mod layout;
 mod timer;
 
 pub use buffer::{Array, read_buffer, read_texture};
-pub use device::{Backend, Gpu, READ_ONLY, UNIFORM};
+pub use device::{Backend, Gpu, READ_ONLY, READ_WRITE, UNIFORM};
 pub use timer::{PassTimes, Timer};

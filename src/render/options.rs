@@ -26,6 +26,24 @@ pub struct Options {
     pub count_lights: bool,
     /// Most lights of set H after clustering; `None`: no clustering.
     pub clusters: Option<usize>,
+    /// The kinds of lighting that add up.
+    pub lighting: Lightings,
+    /// Albedo, 0 to 1, of the ground below the horizon whose light [`Lightings::ambient`] adds; 0: none.
+    pub ground_albedo: f32,
+}
+
+/// The lightings that add radiance to a view, each named as its folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lightings {
+    /// Directional lights with shadows.
+    pub directional: bool,
+    /// The light of a ground that a capture does not see.
+    pub ambient: bool,
+}
+
+impl Lightings {
+    /// All of them.
+    pub const ALL: Self = Self { directional: true, ambient: true };
 }
 
 impl Default for Options {
@@ -43,6 +61,8 @@ impl Default for Options {
             region_lights: 216,
             count_lights: false,
             clusters: None,
+            lighting: Lightings::ALL,
+            ground_albedo: 0.0,
         }
     }
 }
@@ -112,6 +132,9 @@ impl Options {
         }
         if !(0.0..=std::f64::consts::PI).contains(&self.cone_rad) {
             return Err(Error::usage(format!("a cone of {:?} rad; give 0 to pi", self.cone_rad)));
+        }
+        if !(0.0..=1.0).contains(&self.ground_albedo) {
+            return Err(Error::usage(format!("a ground of albedo {:?}; give 0 to 1", self.ground_albedo)));
         }
         if self.clusters == Some(0) {
             return Err(Error::usage("0 clusters; give 1 or more"));

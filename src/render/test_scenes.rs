@@ -1,7 +1,9 @@
 //! Scenes and lights for the tests of this room.
 
 use crate::light::Light;
-use crate::scene::{Bounds, Camera, Instance, Material, Mesh, Node, Scene, Shading, Transform, Vertex};
+use crate::scene::{
+    Bounds, Camera, Instance, Material, Mesh, Node, Roles, Scene, Shading, Transform, Vertex,
+};
 use glam::Vec3;
 
 /// A sphere of radius 1 about the origin, its normals exact.
@@ -52,7 +54,11 @@ pub(super) fn scene(meshes: Vec<(Mesh, bool)>, materials: Vec<Material>) -> Scen
     let instances = meshes
         .iter()
         .enumerate()
-        .map(|(mesh, &(_, casts_shadow))| Instance { mesh, node: 0, casts_shadow })
+        .map(|(mesh, &(_, casts_shadow))| Instance {
+            mesh,
+            node: 0,
+            roles: Roles { casts: casts_shadow, ..Roles::ALL },
+        })
         .collect();
     Scene {
         meshes: meshes.into_iter().map(|(mesh, _)| mesh).collect(),

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Backend;
 use crate::image::PolarMap;
 use crate::render::budget::BudgetOptions;
-use crate::render::{Options, Renderer};
+use crate::render::{Look, Options, Renderer};
 use crate::rt::Shutdown;
 use crate::scene::{Camera, Scene};
 use command::Command;
@@ -48,6 +48,8 @@ pub struct Settings {
     /// Time of the scene's animation in the beginning. It goes on with real time under lights that stand still, with the
     /// capture times of lists that arrive.
     pub time_s: f64,
+    /// How the picture looks.
+    pub look: Look,
     /// What the inset shows the lights on.
     pub map: PolarMap,
 }

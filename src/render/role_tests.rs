@@ -1,0 +1,92 @@
+//! Instances that are held out, unseen, cast no shadows or receive none.
+
+use super::test_scenes::*;
+use super::{Options, Renderer};
+use crate::gpu::Gpu;
+use crate::scene::{Material, Roles, Scene};
+
+const SIZE: [u32; 2] = [96, 72];
+
+/// The sphere of [`sphere_on_ground`] and the ground, each with roles.
+fn scene_with(sphere: Roles, ground: Roles) -> Scene {
+    let mut scene = sphere_on_ground(Material { emissive: [0.1, 0.0, 0.0], ..metal(0.4) });
+    (scene.instances[0].roles, scene.instances[1].roles) = (sphere, ground);
+    scene
+}
+
+fn drawn(sphere: Roles, ground: Roles, samples: u32) -> Option<Vec<[f32; 4]>> {
+    let options = Options {
+        width_px: SIZE[0],
+        height_px: SIZE[1],
+        lights: 24,
+        shadow_maps: 24,
+        ground_albedo: 0.3,
+        ..Options::default()
+    };
+    let mut renderer = Renderer::new(Gpu::for_test()?, scene_with(sphere, ground), &options).unwrap();
+    renderer.draw(&sky(200), &camera(), samples).unwrap();
+    let mut pixels = Vec::new();
+    renderer.read_radiance(&mut pixels).unwrap();
+    Some(pixels)
+}
+
+fn power(pixels: &[[f32; 4]]) -> f64 {
+    pixels.iter().map(|pixel| f64::from(pixel[1])).sum()
+}
+
+#[test]
+fn object_and_ground_drawn_apart_add_up_to_the_picture_of_both() {
+    // The object hides the ground behind it: alpha says where. One sample a pixel shows the one or the other, so that
+    // the sum is exact; in the mean of several the edges are off by how object and ground vary within a pixel.
+    for (samples, most) in [(1, 1e-6), (16, 0.05)] {
+        let Some(both) = drawn(Roles::ALL, Roles::NO_SHADOW, samples) else { return };
+        let object = drawn(Roles::ALL, Roles::NONE, samples).unwrap();
+        let ground = drawn(Roles::HELD_OUT, Roles::NO_SHADOW, samples).unwrap();
+        let mean = power(&both) as f32 / both.len() as f32;
+        let mut worst = 0.0f32;
+        for ((both, object), ground) in both.iter().zip(&object).zip(&ground) {
+            for channel in 0..4 {
+                let sum = object[channel] + (1.0 - object[3]) * ground[channel];
+                worst = worst.max((both[channel] - sum).abs() / mean.max(both[channel]));
+            }
+        }
+        println!("{samples} samples: {worst:.1e}");
+        assert!(worst <= most, "{samples} samples: {worst}");
+        let covered = object.iter().filter(|pixel| pixel[3] > 0.0).count();
+        assert!((500..3000).contains(&covered), "{covered}");
+    }
+}
+
+#[test]
+fn what_is_held_out_casts_what_it_casts_when_it_is_seen() {
+    let Some(held_out) = drawn(Roles::HELD_OUT, Roles::NO_SHADOW, 1) else { return };
+    let both = drawn(Roles::ALL, Roles::NO_SHADOW, 1).unwrap();
+    let object = drawn(Roles::ALL, Roles::NONE, 1).unwrap();
+    let open = drawn(Roles::NONE, Roles::NO_SHADOW, 1).unwrap();
+    let mut shadowed = 0;
+    for (index, pixel) in held_out.iter().enumerate() {
+        if object[index][3] == 0.0 {
+            assert_eq!(*pixel, both[index]);
+        }
+        shadowed += usize::from(pixel[1] < 0.7 * open[index][1]);
+    }
+    assert!(shadowed > 100, "{shadowed}");
+    // No trace of the object itself, which glows red.
+    assert!(held_out.iter().all(|[r, g, _, _]| *r <= 2.0 * g));
+}
+
+#[test]
+fn without_the_role_no_shadow_is_cast_or_received() {
+    let Some(open) = drawn(Roles::NONE, Roles::NO_SHADOW, 1) else { return };
+    let object = drawn(Roles::ALL, Roles::NONE, 1).unwrap();
+    let deaf = Roles { receives: false, ..Roles::NO_SHADOW };
+    let pictures =
+        [drawn(Roles::NO_SHADOW, Roles::NO_SHADOW, 1).unwrap(), drawn(Roles::ALL, deaf, 1).unwrap()];
+    for picture in pictures {
+        for (index, pixel) in picture.iter().enumerate() {
+            if object[index][3] == 0.0 {
+                assert_eq!(*pixel, open[index]);
+            }
+        }
+    }
+}
