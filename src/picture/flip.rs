@@ -22,9 +22,9 @@ mod filter;
 #[cfg(test)]
 mod tests;
 
-use crate::math::linear_from_srgb;
 use filter::{Derivative, Sensitivity, derivative, separable};
 use glam::{DMat3, DVec3};
+use lightcast_core::math::linear_from_srgb;
 
 /// Pixels in a degree of an observer 0.7 m away from a screen that is 0.7 m and 3840 pixels wide, FLIP's own default.
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;

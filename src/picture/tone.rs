@@ -1,5 +1,5 @@
-use crate::image::luminance;
-use crate::math::srgb_from_linear;
+use lightcast_core::image::luminance;
+use lightcast_core::math::srgb_from_linear;
 
 /// Luminance that the log-average of the picture is mapped to: middle grey.
 const KEY: f64 = 0.18;

@@ -2,9 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, UNIFORM};
-use crate::math::{linear_from_srgb, srgb_from_linear};
 use crate::scene::{Material, Scene, Shading, Texture, Wrap};
 use bytemuck::{Pod, Zeroable};
+use lightcast_core::math::{linear_from_srgb, srgb_from_linear};
 use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
 
 #[repr(C)]

@@ -1,5 +1,5 @@
 use crate::recording::{lightcast, lists, panorama, stderr};
-use lightcast::image::write_exr;
+use lightcast::files::write_exr;
 use std::path::Path;
 use std::process::Output;
 

@@ -2,17 +2,19 @@ mod bracket;
 mod from_patches;
 
 use super::write;
-use crate::camera::{Calibration, CodeLimits, Family, Response};
+use crate::calibrate::{Calibration, CodeLimits, Family};
 use crate::cli::report::print;
 use crate::cli::signals::SignalWatch;
 use crate::config::Config;
 use crate::error::{Error, Kind, Result};
-use crate::image::{self, Frame};
+use crate::files;
 use crate::picture::Plot;
 use crate::rt::Shutdown;
 use crate::service::Service;
 use crate::source::{Sequence, SequenceOptions};
 use clap::ValueEnum;
+use lightcast_core::camera::Response;
+use lightcast_core::image::Frame;
 use std::path::{Path, PathBuf};
 
 /// Find how a camera turns light into codes, and merge a bracket of exposures.
@@ -222,7 +224,7 @@ impl Input {
 }
 
 fn read(path: &Path, frame: &mut Frame) -> Result<()> {
-    image::read(path, frame).map(|_| ()).map_err(|error| error.with_kind(Kind::Failed))
+    files::read(path, frame).map(|_| ()).map_err(|error| error.with_kind(Kind::Failed))
 }
 
 /// A number for a table: four digits.

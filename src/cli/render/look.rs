@@ -2,10 +2,10 @@
 
 use crate::cli::panorama::read_panorama;
 use crate::error::{Error, Result};
-use crate::image::{Frame, PolarShape};
 use crate::render::{self, Background, Exposure, Lightings};
 use crate::scene::{Roles, Scene};
 use clap::ValueEnum;
+use lightcast_core::image::{Frame, PolarShape};
 use std::path::Path;
 
 #[derive(Debug, clap::Args)]
@@ -122,7 +122,7 @@ impl Look {
 /// As many pixels as the file has, within what a device holds.
 fn own_shape(path: &Path) -> Result<PolarShape> {
     let mut frame = Frame::default();
-    crate::image::read(path, &mut frame)?;
+    lightcast_core::image::read(path, &mut frame)?;
     let columns = frame.width.min(MOST_COLUMNS);
     Ok(PolarShape::sphere(columns, (columns * frame.height / frame.width.max(1)).max(1)))
 }

@@ -1,10 +1,10 @@
 use super::*;
 use crate::gpu::layout::{assert_layout, assert_valid, members};
-use crate::math::fibonacci_sphere;
 use crate::render::test_scenes::{light, scene, sky};
 use crate::render::{Lightings, Options, Renderer};
 use crate::scene::{Bounds, Camera, Material, Mesh, Vertex};
 use glam::UVec2;
+use lightcast_core::math::fibonacci_sphere;
 use std::f32::consts::PI;
 
 #[test]

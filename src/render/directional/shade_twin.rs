@@ -4,9 +4,9 @@
 use super::light_space::LightSpace;
 use super::light_space::twin::{Window, light_basis, light_window};
 use super::read_back::DirectionalFrame;
-use crate::math::cube_cell;
 use crate::render::view::seen_twin::{SeenFrame, Surface};
 use glam::{Mat3, UVec2, Vec2, Vec3};
+use lightcast_core::math::cube_cell;
 use std::f32::consts::PI;
 
 fn ggx_distribution(n_h: f32, alpha: f32) -> f32 {

@@ -2,8 +2,8 @@
 
 use super::look::Background;
 use crate::gpu::{Array, Gpu, UNIFORM};
-use crate::image::PolarMap;
 use bytemuck::{Pod, Zeroable};
+use lightcast_core::image::PolarMap;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -94,8 +94,8 @@ fn texture(gpu: &Gpu, [width, height]: [u32; 2], texels: &[[f32; 4]]) -> wgpu::T
 /// CPU twin of the look-up of `shaders/view/start.wgsl`.
 #[cfg(test)]
 pub(super) mod twin {
-    use crate::image::PolarMap;
     use glam::Vec3;
+    use lightcast_core::image::PolarMap;
     use std::f32::consts::TAU;
 
     pub fn panorama_at(map: &PolarMap, d: Vec3) -> Vec3 {

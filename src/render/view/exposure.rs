@@ -107,7 +107,7 @@ pub(super) fn adaptation_rate(elapsed_s: f64) -> f32 {
 #[cfg(test)]
 pub(super) mod twin {
     use super::{BINS, Exposure};
-    use crate::image::luminance;
+    use lightcast_core::image::luminance;
 
     pub fn histogram(radiance: &[[f32; 4]]) -> Vec<u32> {
         let mut bins = vec![0; BINS];

@@ -1,5 +1,5 @@
 use crate::error::{Error, Result};
-use crate::image::PolarMap;
+use lightcast_core::image::PolarMap;
 
 /// How radiance becomes a picture.
 #[derive(Clone, Debug, Default, PartialEq)]

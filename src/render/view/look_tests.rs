@@ -3,11 +3,11 @@
 use super::background::twin::panorama_at;
 use super::{Background, Exposure, Look, Tone};
 use crate::gpu::Gpu;
-use crate::image::{PolarMap, PolarShape};
 use crate::render::test_scenes::{camera, metal, scene, sky, sphere, sphere_on_ground};
 use crate::render::{Options, Renderer};
 use crate::scene::{Camera, Material, Scene};
 use glam::{UVec2, Vec3};
+use lightcast_core::image::{PolarMap, PolarShape};
 
 const SIZE: [u32; 2] = [64, 48];
 

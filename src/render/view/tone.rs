@@ -146,8 +146,8 @@ fn group(
 #[cfg(test)]
 mod twin {
     use super::{Exposure, ScreenUniform};
-    use crate::image::luminance;
-    use crate::math::{linear_from_srgb, srgb_from_linear};
+    use lightcast_core::image::luminance;
+    use lightcast_core::math::{linear_from_srgb, srgb_from_linear};
 
     /// What `fragment` gives, as the target codes it.
     pub(super) fn fragment(

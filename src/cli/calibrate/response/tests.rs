@@ -1,7 +1,8 @@
 use super::*;
-use crate::camera::ResponseModel;
-use crate::image::{Pixels, write_png8, write_png16};
+use crate::files::{write_png8, write_png16};
 use clap::Parser;
+use lightcast_core::camera::ResponseModel;
+use lightcast_core::image::Pixels;
 
 #[derive(Parser)]
 struct Line {

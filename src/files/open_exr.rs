@@ -1,0 +1,305 @@
+//! OpenEXR pictures in: half, float and uint channels, scan lines or tiles, full resolution.
+//!
+//! - The data window is the picture; where it lies in the display window is not looked at.
+//! - Of a file with several parts the first with channels named exactly `R`, `G` and `B` is taken, else the first
+//!   with `Y`. Names with a layer in front (`diffuse.R`), alpha and everything else are left out.
+//! - Of mip maps and rip maps only the full resolution is read.
+//! - Files that `lightcast` recorded hold sensor codes as uint channels; the attributes of [`attribute`] say so.
+//! - Refused: deep data, luminance/chroma (`Y`, `RY`, `BY`) and other subsampled channels, cube maps.
+//!
+//! Blocks are decoded one after another in the calling thread: the parallel form of `exr` 1.74 starts a
+//! thread pool for every file, and a panic in that pool (damaged files cause some) ends the process.
+
+mod attribute;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use write::{encode_exr, encode_map_exr, write_exr, write_recorded_exr};
+
+use super::codec::{Attributes, check_size, guarded, resize, with_codes, with_radiance};
+use crate::error::{Error, Result};
+use exr::block::UncompressedBlock;
+use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::meta::attribute::{ChannelList, Compression, EnvironmentMap, SampleType};
+use exr::meta::header::Header;
+use exr::prelude::{MetaData, f16};
+use lightcast_core::image::{Bayer, Frame, LatLongCentres};
+use std::io::{Cursor, Read, Seek};
+
+/// Bytes of one block (a tile, or up to 256 scan lines) that are decoded at once; the widest scan-line block
+/// of three float channels takes 50 MB.
+const MAX_BLOCK_BYTES: usize = 1 << 30;
+
+/// What to take from a file, decided from its header alone.
+struct Plan {
+    part: usize,
+    width: usize,
+    height: usize,
+    channels: usize,
+    /// For every channel of the part its place in a pixel of the frame.
+    places: Vec<Option<usize>>,
+    /// Width and height of a full block.
+    block: (usize, usize),
+    /// Whether the samples are sensor codes.
+    is_codes: bool,
+    bayer: Option<Bayer>,
+    attributes: Attributes,
+}
+
+/// Reads an OpenEXR file in memory as [`read`](super::read) reads one.
+///
+/// # Errors
+/// Of kind [`BadFrame`](crate::error::Kind::BadFrame), as those of [`read`](super::read). `frame` is then
+/// empty (0 x 0). No content panics.
+pub fn decode_exr(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
+    frame.saturation = f32::INFINITY;
+    guarded(frame, |frame| read(Cursor::new(bytes), bytes.len() as u64, frame))
+}
+
+/// Reads the file behind `source`, which is `file_bytes` long, into `frame`.
+pub(super) fn read(mut source: impl Read + Seek, file_bytes: u64, frame: &mut Frame) -> Result<Attributes> {
+    // The header is read twice: once on its own, so that everything is checked before `exr` acts on it.
+    let meta = MetaData::read_from_buffered(&mut source, false).map_err(damaged)?;
+    let plan = plan(&meta, file_bytes)?;
+    source.rewind().map_err(damaged)?;
+    let chunks = exr::block::read(source, false)
+        .and_then(|reader| {
+            reader.filter_chunks(false, |_, tile, block| {
+                block.layer == plan.part && tile.is_largest_resolution_level()
+            })
+        })
+        .map_err(damaged)?;
+    if plan.is_codes {
+        with_codes(frame, |codes| decode(&meta, &plan, chunks, codes))?;
+    } else {
+        with_radiance(frame, |values| decode(&meta, &plan, chunks, values))?;
+    }
+    frame.bayer = plan.bayer;
+    (frame.width, frame.height, frame.channels) = (plan.width, plan.height, plan.channels);
+    Ok(plan.attributes)
+}
+
+fn damaged(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error {
+    Error::bad_frame("cannot be decoded as OpenEXR; is it complete?").because(error)
+}
+
+fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
+    // A chunk may name any part, so all parts are checked, not only the one that is read.
+    let mut chunks = 0_u64;
+    for header in &meta.headers {
+        check_part(header)?;
+        chunks = chunks.saturating_add(header.chunk_count as u64);
+    }
+    // Every block has eight bytes in the offset table and at least eight of its own.
+    if chunks.saturating_mul(16) > file_bytes {
+        return Err(Error::bad_frame(format!(
+            "is truncated or damaged: {file_bytes} bytes cannot hold the {chunks} blocks that its header promises"
+        )));
+    }
+
+    let (part, names) = choose(meta)?;
+    let header = &meta.headers[part];
+    let latlong_centres = match header.own_attributes.environment_map {
+        None => LatLongCentres::Half,
+        Some(EnvironmentMap::LatitudeLongitude) => LatLongCentres::Ends,
+        Some(EnvironmentMap::Cube) => {
+            return Err(Error::bad_frame("holds a cube map (envmap attribute); convert it to lat-long"));
+        }
+    };
+    let rate = header.own_attributes.frames_per_second;
+    let frame_rate_hz = rate.map(|(count, seconds)| f64::from(count) / f64::from(seconds));
+    let block = header.max_block_pixel_size();
+    let recorded = attribute::read(header, names)?;
+    Ok(Plan {
+        part,
+        width: header.layer_size.0,
+        height: header.layer_size.1,
+        channels: names.len(),
+        places: header
+            .channels
+            .list
+            .iter()
+            .map(|channel| names.iter().position(|name| channel.name.eq(name)))
+            .collect(),
+        block: (block.0, block.1),
+        attributes: Attributes {
+            // 0/1 and 1/0 are found in the wild where a program knew no rate.
+            frame_rate_hz: recorded
+                .frame_rate_hz
+                .or(frame_rate_hz.filter(|rate| rate.is_finite() && *rate > 0.0)),
+            latlong_centres,
+            capture_time_ns: recorded.capture_time_ns,
+        },
+        is_codes: recorded.is_codes,
+        bayer: recorded.bayer,
+    })
+}
+
+fn check_part(header: &Header) -> Result<()> {
+    if header.deep {
+        return Err(Error::bad_frame("holds deep data; flatten it"));
+    }
+    let (width, height) = (header.layer_size.0, header.layer_size.1);
+    check_size(width, height)?;
+    if header.channels.list.iter().any(|channel| (channel.sampling.0, channel.sampling.1) != (1, 1)) {
+        return Err(Error::bad_frame(format!(
+            "has subsampled channels ({}), as luminance/chroma files do; save it as RGB",
+            names(&header.channels)
+        )));
+    }
+    // A tile may be larger than a small picture, but not by orders: memory for it is claimed on its own word.
+    let block = header.max_block_pixel_size();
+    let block_pixels = block.0.checked_mul(block.1);
+    let bytes = block_pixels.and_then(|pixels| pixels.checked_mul(header.channels.bytes_per_pixel));
+    let most_pixels = (4 * width * height).max(1 << 20);
+    if block_pixels.is_none_or(|pixels| pixels > most_pixels)
+        || bytes.is_none_or(|bytes| bytes > MAX_BLOCK_BYTES)
+    {
+        return Err(Error::bad_frame(format!(
+            "is damaged or unreasonable: blocks of {} x {} pixels for a picture of {width} x {height}",
+            block.0, block.1
+        )));
+    }
+    Ok(())
+}
+
+/// The part to read and the names of its channels in the order of the frame.
+fn choose(meta: &MetaData) -> Result<(usize, &'static [&'static str])> {
+    let has = |header: &Header, name: &str| header.channels.list.iter().any(|channel| channel.name.eq(name));
+    for wanted in [&["R", "G", "B"][..], &["Y"][..]] {
+        let found = meta.headers.iter().position(|header| wanted.iter().all(|name| has(header, name)));
+        if let Some(part) = found {
+            if wanted.len() == 1 && (has(&meta.headers[part], "RY") || has(&meta.headers[part], "BY")) {
+                return Err(Error::bad_frame(
+                    "holds luminance and chroma (channels Y, RY, BY); save it as RGB",
+                ));
+            }
+            return Ok((part, wanted));
+        }
+    }
+    let all: Vec<String> = meta.headers.iter().map(|header| names(&header.channels)).collect();
+    Err(Error::bad_frame(format!(
+        "has the channels {}; R, G and B, or Y, are needed under just these names",
+        all.join("; ")
+    )))
+}
+
+fn names(channels: &ChannelList) -> String {
+    let names: Vec<String> = channels.list.iter().map(|channel| channel.name.to_string()).collect();
+    names.join(", ")
+}
+
+/// What samples of a file become.
+trait Sample: Copy + Default {
+    fn from_float(value: f32) -> Self;
+    /// `None`: no such code.
+    fn from_whole(value: u32) -> Option<Self>;
+}
+
+impl Sample for f32 {
+    fn from_float(value: f32) -> Self {
+        value
+    }
+
+    fn from_whole(value: u32) -> Option<Self> {
+        Some(value as f32)
+    }
+}
+
+/// Codes are whole: [`attribute::read`] refuses other channels for them.
+impl Sample for u16 {
+    fn from_float(_: f32) -> Self {
+        0
+    }
+
+    fn from_whole(value: u32) -> Option<Self> {
+        value.try_into().ok()
+    }
+}
+
+fn decode<T: Sample>(
+    meta: &MetaData,
+    plan: &Plan,
+    chunks: impl ExactSizeIterator<Item = exr::error::Result<Chunk>>,
+    values: &mut Vec<T>,
+) -> Result<()> {
+    let header = &meta.headers[plan.part];
+    let block_columns = plan.width.div_ceil(plan.block.0);
+    let mut missing = vec![true; block_columns * plan.height.div_ceil(plan.block.1)];
+    let samples = plan.width * plan.height * plan.channels;
+    for (number, chunk) in chunks.enumerate() {
+        let chunk = chunk.map_err(damaged)?;
+        check_dwa_counters(&chunk, header)?;
+        let block = UncompressedBlock::decompress_chunk(chunk, meta, false).map_err(damaged)?;
+        if number == 0 {
+            // Not before one block has proved the header right.
+            resize(values, samples);
+        }
+        // The offset table may lead to any block: each must come once, or old pixels would show through.
+        let (x, y) = (block.index.pixel_position.0, block.index.pixel_position.1);
+        let expected = block.index.layer == plan.part && (block.index.level.0, block.index.level.1) == (0, 0);
+        let slot = missing.get_mut(y / plan.block.1 * block_columns + x / plan.block.0);
+        match slot {
+            Some(slot) if expected && *slot => *slot = false,
+            _ => return Err(Error::bad_frame(format!("is damaged: unexpected block at pixel ({x}, {y})"))),
+        }
+        for line in block.lines(&header.channels) {
+            let Some(place) = plan.places[line.location.channel] else { continue };
+            let start = (line.location.position.1 * plan.width + line.location.position.0) * plan.channels;
+            let to = values[start + place..].iter_mut().step_by(plan.channels);
+            match header.channels.list[line.location.channel].sample_type {
+                SampleType::F16 => to
+                    .zip(line.value.as_chunks().0)
+                    .for_each(|(to, &bytes)| *to = T::from_float(f16::from_ne_bytes(bytes).to_f32())),
+                SampleType::F32 => to
+                    .zip(line.value.as_chunks().0)
+                    .for_each(|(to, &bytes)| *to = T::from_float(f32::from_ne_bytes(bytes))),
+                SampleType::U32 => {
+                    for (to, &bytes) in to.zip(line.value.as_chunks().0) {
+                        let value = u32::from_ne_bytes(bytes);
+                        *to = T::from_whole(value).ok_or_else(|| {
+                            Error::bad_frame(format!("holds the sensor code {value}; codes have 16 bits"))
+                        })?;
+                    }
+                }
+            }
+        }
+    }
+    match missing.iter().filter(|missing| **missing).count() {
+        0 => Ok(()),
+        count => {
+            Err(Error::bad_frame(format!("is damaged: {count} of {} blocks are missing", missing.len())))
+        }
+    }
+}
+
+/// Refuses DWA blocks whose counters claim more than their pixels can need.
+///
+/// `exr` 1.74 allocates what the counters say; an absurd one would end the process, which nothing can catch.
+/// The counters are u64, little endian: version, then the sizes of unknown (unpacked), unknown, AC, DC, RLE,
+/// RLE (inflated) and RLE (raw) data in bytes, then the counts of AC and DC values of two bytes. Lossless
+/// data grows to at most twice its size as RLE tokens, and every pixel has at most one coefficient.
+fn check_dwa_counters(chunk: &Chunk, header: &Header) -> Result<()> {
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Ok(());
+    }
+    let data = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        _ => return Err(Error::bad_frame("holds deep data; flatten it")),
+    };
+    let place = header.get_block_data_indices(&chunk.compressed_block).map_err(damaged)?;
+    let window = header.get_absolute_block_pixel_coordinates(place).map_err(damaged)?;
+    let bytes = window.size.0 * window.size.1 * header.channels.bytes_per_pixel;
+    if data.len() == bytes {
+        return Ok(()); // stored as it is, no counters
+    }
+    // Blocks below 64 pixels still have whole 8 x 8 transforms, hence the floor.
+    let most = 2 * bytes as u64 + (1 << 16);
+    let mut counters = data.as_chunks::<8>().0.iter().map(|bytes| u64::from_le_bytes(*bytes)).take(10);
+    if counters.any(|counter| counter > most) {
+        return Err(Error::bad_frame("is damaged: a DWA block claims more data than its pixels can need"));
+    }
+    Ok(())
+}
