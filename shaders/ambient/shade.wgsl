@@ -1,5 +1,5 @@
-// Adds the light of a ground that reaches to the horizon on all sides, is lit evenly and hidden by nothing. CPU twin:
-// render::ambient::twin.
+// Adds the light of a ground that reaches to the horizon on all sides, is lit evenly and hidden by nothing.
+// CPU twin: render::ambient::twin.
 
 struct Ground {
     radiance: vec3f,

@@ -1,5 +1,5 @@
-// Distributes lights to angular regions, one workgroup a region, in the order of the list (Havran et al. 2005,
-// section 4.1). CPU twin: light::Regions::assign.
+// Distributes lights to angular regions, one workgroup a region, in the order of the list (Havran et al.
+// 2005, section 4.1). CPU twin: light::Regions::assign.
 
 struct Assignment {
     // Lights first_light .. first_light + light_count of the buffer; their numbers count from first_light.

@@ -1,5 +1,6 @@
-// Sums the lights over every pixel: set H over its region of normals, set L inside the cone about the mirrored view
-// (Havran et al. 2005, sections 4.1, 4.2 and 5.2). CPU twin: src/render/directional/shade_twin.rs.
+// Sums the lights over every pixel: set H over its region of normals, set L inside the cone about the
+// mirrored view (Havran et al. 2005, sections 4.1, 4.2 and 5.2). CPU twin:
+// src/render/directional/shade_twin.rs.
 
 struct Shade {
     // Number of lights in set H; set L follows it.
@@ -58,9 +59,9 @@ fn gradient_noise(pixel: vec2f) -> f32 {
     return fract(52.9829189 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
 }
 
-// How much of its light a point keeps whose triangle is turned from the light more than its smoothed normal says: all
-// at the same angle, nothing where the triangle turns away, and no edge between (Chiang, Li and Burley 2019,
-// Taming the shadow terminator).
+// How much of its light a point keeps whose triangle is turned from the light more than its smoothed normal
+// says: all at the same angle, nothing where the triangle turns away, and no edge between (Chiang, Li and
+// Burley 2019, Taming the shadow terminator).
 fn terminator(n_l: f32, face_l: f32, face_n: f32) -> f32 {
     let g = clamp(face_l / max(n_l * face_n, 1e-6), 0.0, 1.0);
     return g * (1.0 + g * (1.0 - g));

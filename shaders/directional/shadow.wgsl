@@ -1,4 +1,5 @@
-// Draws the casters into one tile of the shadow atlas: depth 0 is the caster nearest to the light, 1 the lowest.
+// Draws the casters into one tile of the shadow atlas: depth 0 is the caster nearest to the light, 1 the
+// lowest.
 
 @group(0) @binding(0) var<uniform> space: LightSpace;
 @group(0) @binding(1) var<storage, read> tiles: array<vec4f>;
@@ -34,7 +35,8 @@ fn fragment_cut_out(in: CutOut) {
 }
 
 fn in_tile(position: vec3f, index: u32) -> vec4f {
-    // One number says which tile and which instance: base vertices and instances are all that a draw can carry.
+    // One number says which tile and which instance: base vertices and instances are all that a draw can
+    // carry.
     let count = arrayLength(&instances);
     let world = instances[index % count].world_from_mesh * vec4f(position, 1.0);
     let basis = light_basis(tiles[index / count].xyz);

@@ -1,5 +1,5 @@
-// How much of a light reaches a place: soft shadows from the atlas (Havran et al. 2005, section 5.2). A part of the
-// shading pass. CPU twin: src/render/directional/shade_twin.rs.
+// How much of a light reaches a place: soft shadows from the atlas (Havran et al. 2005, section 5.2). A part
+// of the shading pass. CPU twin: src/render/directional/shade_twin.rs.
 
 const NO_TILE = 0xffffffffu;
 // A facet nearly along the light would be lifted off all that casts shadows on it.
@@ -17,7 +17,8 @@ struct Lookup {
     bias: f32,
 }
 
-// Height of the caster at a texel over the receiver's plane at the texel's centre; positive: it hides the receiver.
+// Height of the caster at a texel over the receiver's plane at the texel's centre; positive: it hides the
+// receiver.
 fn caster_over_plane(at: Lookup, texel: vec2f) -> f32 {
     let inside = clamp(texel, vec2f(0.0), vec2f(space.tile_px - 1.0));
     let depth = textureLoad(atlas, vec2i(at.corner + inside), 0);
@@ -46,8 +47,8 @@ fn compare(at: Lookup, across: vec2f) -> f32 {
     return mix(mix(lit.x, lit.y, f.x), mix(lit.z, lit.w, f.x), f.y);
 }
 
-// Tangent of the angular radius of a disc whose RMS angle is `spread_rad`; near a right angle and beyond it the disc is
-// the sky, which the search in a shadow map is cut to anyway.
+// Tangent of the angular radius of a disc whose RMS angle is `spread_rad`; near a right angle and beyond it
+// the disc is the sky, which the search in a shadow map is cut to anyway.
 fn disc_radius(spread_rad: f32) -> f32 {
     return 1.41421356 * tan(min(spread_rad, 1.5));
 }
@@ -58,16 +59,17 @@ fn disc_point(index: u32, count: u32, turn: f32) -> vec2f {
     return sqrt((f32(index) + 0.5) / f32(count)) * vec2f(cos(angle), sin(angle));
 }
 
-// By how many texels a caster must stand over a receiver's plane to hide it. The rasteriser moves corners by 1/256
-// pixel, which steep triangles turn into height. Neighbouring triangles of a curved surface rise over the plane of
-// this one: at an angle b between them by tan(a + b) - tan(a) a texel, which is b (1 + tan^2 a) nearly. Near their edge
-// b is twice the angle `bend` between the triangle and the smoothed normal; flat things have none, and gain no bias.
+// By how many texels a caster must stand over a receiver's plane to hide it. The rasteriser moves corners by
+// 1/256 pixel, which steep triangles turn into height. Neighbouring triangles of a curved surface rise over
+// the plane of this one: at an angle b between them by tan(a + b) - tan(a) a texel, which is b (1 + tan^2 a)
+// nearly. Near their edge b is twice the angle `bend` between the triangle and the smoothed normal; flat
+// things have none, and gain no bias.
 fn bias_texels(slope: f32, bend: f32) -> f32 {
     return 0.25 + slope / 64.0 + min(2.0 * bend * (1.0 + slope * slope), MOST_BEND_BIAS_TEXELS);
 }
 
-// Share of a light that reaches `position` past the casters of a tile. `radius` is the tangent of the light's angular
-// radius: the penumbra is as wide as what hides the light is far (Fernando 2005).
+// Share of a light that reaches `position` past the casters of a tile. `radius` is the tangent of the light's
+// angular radius: the penumbra is as wide as what hides the light is far (Fernando 2005).
 fn visibility(tile: u32, radius: f32, position: vec3f, face: vec3f, bend: f32, turn: f32) -> f32 {
     if tile == NO_TILE {
         return 1.0;
@@ -79,8 +81,8 @@ fn visibility(tile: u32, radius: f32, position: vec3f, face: vec3f, bend: f32, t
     at.corner = vec2f(f32(tile % space.tiles_per_side), f32(tile / space.tiles_per_side)) * space.tile_px;
     at.texels = 0.5 * space.tile_px / at.window.half;
     at.receiver = transpose(basis) * position;
-    // Every texel is compared with the receiver's plane at the texel's own centre, so that a plane never shadows
-    // itself, however flat the light; steeper than this the light adds next to nothing.
+    // Every texel is compared with the receiver's plane at the texel's own centre, so that a plane never
+    // shadows itself, however flat the light; steeper than this the light adds next to nothing.
     let n = transpose(basis) * face;
     at.slope = -n.xy / max(n.z, 0.01);
     at.bias = bias_texels(length(at.slope), bend) * max(1.0 / at.texels.x, 1.0 / at.texels.y) + 1e-5 * at.window.range;

@@ -1,5 +1,5 @@
-// From the histogram of a picture to its exposure: log-average, key (Reinhard 2003) and white, smoothed over time in
-// stops. CPU twin: render::view::exposure::twin::adapt.
+// From the histogram of a picture to its exposure: log-average, key (Reinhard 2003) and white, smoothed over
+// time in stops. CPU twin: render::view::exposure::twin::adapt.
 
 const BINS = 1024u;
 const LEAST_STOP = -24.0;

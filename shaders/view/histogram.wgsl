@@ -1,4 +1,5 @@
-// Counts the pixels of a picture by the logarithm of their luminance. CPU twin: render::view::exposure::twin::histogram.
+// Counts the pixels of a picture by the logarithm of their luminance. CPU twin:
+// render::view::exposure::twin::histogram.
 
 const BINS = 1024u;
 // Stops that the bins cover: 2^-24 to 2^24 times the unit of radiance.

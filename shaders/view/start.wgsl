@@ -1,5 +1,6 @@
-// Starts a sample: what earlier ones left, what surfaces emit by themselves, and what is seen where there is none; then
-// the lightings add to it. CPU twin: src/render/view/seen_twin.rs, of the panorama src/render/view/background.rs.
+// Starts a sample: what earlier ones left, what surfaces emit by themselves, and what is seen where there is
+// none; then the lightings add to it. CPU twin: src/render/view/seen_twin.rs, of the panorama
+// src/render/view/background.rs.
 
 struct Background {
     colour: vec3f,

@@ -39,8 +39,8 @@ fn vertex(
 }
 
 struct Surface {
-    // Octahedral shading normal, octahedral normal of the triangle (both towards the eye); as halves emission, and 1 where
-    // shadows fall.
+    // Octahedral shading normal, octahedral normal of the triangle (both towards the eye); as halves
+    // emission, and 1 where shadows fall.
     @location(0) normals: vec4u,
     // Diffuse and specular reflectance, gloss and how far the normal is bent from the triangle's, as halves.
     @location(1) reflectances: vec4u,

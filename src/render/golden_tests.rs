@@ -1,8 +1,9 @@
 //! Pictures of `tests/golden/`: what the renderer drew when somebody last looked at it.
 //!
-//! On lavapipe, which is what the pictures were drawn with, codes may differ by 0.1 in the mean and by 12 at most: other
-//! versions of it round differently, and a comparison with a shadow map that turns over moves a pixel by a few codes. On
-//! other adapters edges of triangles lie a little differently: there the mean alone is held, to 1 code.
+//! On lavapipe, which is what the pictures were drawn with, codes may differ by 0.1 in the mean and by 12 at
+//! most: other versions of it round differently, and a comparison with a shadow map that turns over moves a
+//! pixel by a few codes. On other adapters edges of triangles lie a little differently: there the mean alone
+//! is held, to 1 code.
 //!
 //! `LIGHTCAST_RENEW_GOLDEN=1 cargo test golden` draws them anew. Look at them before they are committed.
 

@@ -161,8 +161,8 @@ fn upload(gpu: &Gpu, texture: &Texture) -> Result<wgpu::TextureView> {
     Ok(made.create_view(&wgpu::TextureViewDescriptor::default()))
 }
 
-/// A texture and its halvings down to one pixel, one after the other: number of levels, and their bytes. Colours are
-/// averaged as linear light. A side of odd length counts its last pixel twice.
+/// A texture and its halvings down to one pixel, one after the other: number of levels, and their bytes.
+/// Colours are averaged as linear light. A side of odd length counts its last pixel twice.
 fn mip_chain(texture: &Texture) -> (u32, Vec<u8>) {
     let decode = |byte: usize| {
         let value = byte as f32 / 255.0;

@@ -56,7 +56,8 @@ impl Default for Options {
             shadow_map_px: 256,
             soft_samples: 8,
             culling: true,
-            // Wide enough for the tails of GGX: a white furnace is within 5 % (renderer_tests.rs), at 20 degrees not.
+            // Wide enough for the tails of GGX: a white furnace is within 5 % (renderer_tests.rs), at 20
+            // degrees not.
             cone_rad: 40f64.to_radians(),
             region_lights: 216,
             count_lights: false,
@@ -67,12 +68,12 @@ impl Default for Options {
     }
 }
 
-/// Largest side of a picture, and most lights and shadow maps: beyond what any scene needs, and small enough that no
-/// product of them overflows.
+/// Largest side of a picture, and most lights and shadow maps: beyond what any scene needs, and small enough
+/// that no product of them overflows.
 const MAX_SIDE_PX: u32 = 16_384;
 const MAX_SHADOW_MAPS: usize = 4096;
-/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver gives up a pass that
-/// takes seconds.
+/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver gives up a
+/// pass that takes seconds.
 const MAX_SOFT_SAMPLES: u32 = 256;
 
 impl Options {

@@ -36,7 +36,8 @@ impl Renderer {
     /// Puts `scene` on the device, posed as at time 0.
     ///
     /// # Errors
-    /// Kind `Usage` for options that the device cannot do; for a scene that it cannot hold; those of the device.
+    /// Kind `Usage` for options that the device cannot do; for a scene that it cannot hold; those of the
+    /// device.
     pub fn new(gpu: Gpu, scene: Scene, options: &Options) -> Result<Self> {
         Self::for_screen(gpu, scene, options, PICTURE_FORMAT)
     }
@@ -108,7 +109,8 @@ impl Renderer {
         self.view.set_look(&self.gpu, look)
     }
 
-    /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists before.
+    /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists
+    /// before.
     pub fn release_shadow_maps(&mut self) {
         if let Some(directional) = &mut self.directional {
             directional.release_shadow_maps(&self.options);
@@ -133,9 +135,9 @@ impl Renderer {
         self.gpu.check()
     }
 
-    /// The reference: all `emitters` as lights with hard shadows and shadow maps of their own, added up over as many
-    /// passes as that takes. `goes_on` is asked after every pass, with the emitters done so far; when it says no, the
-    /// picture is of those. Returns whether it is of all.
+    /// The reference: all `emitters` as lights with hard shadows and shadow maps of their own, added up over
+    /// as many passes as that takes. `goes_on` is asked after every pass, with the emitters done so far; when
+    /// it says no, the picture is of those. Returns whether it is of all.
     ///
     /// # Errors
     /// Those of the device.
@@ -176,7 +178,8 @@ impl Renderer {
         Ok(true)
     }
 
-    /// Lets the device catch up after every so many samples: a queue of thousands of passes would fill its memory.
+    /// Lets the device catch up after every so many samples: a queue of thousands of passes would fill its
+    /// memory.
     fn pause(&self, sample: u32) -> Result<()> {
         if sample % 32 == 31 { self.gpu.wait() } else { Ok(()) }
     }

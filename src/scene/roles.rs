@@ -1,8 +1,8 @@
 use super::Scene;
 use crate::error::{Error, Result};
 
-/// What an instance is there for. One that only casts shadows is *held out*: a real thing of a photograph that pictures
-/// are laid over has a shadow of what stands on it, but must not be seen twice.
+/// What an instance is there for. One that only casts shadows is *held out*: a real thing of a photograph
+/// that pictures are laid over has a shadow of what stands on it, but must not be seen twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Roles {
     /// Whether the camera sees it.

@@ -2,25 +2,29 @@
 
 use crate::cli::panorama::read_panorama;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::render::{self, Background, Exposure, Lightings};
 use crate::scene::{Roles, Scene};
 use clap::ValueEnum;
 use lightcast_core::image::{Frame, PolarShape};
+use std::f64::consts::PI;
 use std::path::Path;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Look {
-    /// Kinds of light that add up: directional lights with shadows, and the ground's (ambient; see --ground-albedo).
+    /// Kinds of light that add up: directional lights with shadows, and the ground's (ambient; see
+    /// --ground-albedo).
     #[arg(long, value_name = "KIND,...", value_enum, value_delimiter = ',',
         default_values_t = [LightingName::Directional, LightingName::Ambient])]
     lighting: Vec<LightingName>,
 
-    /// Albedo of a ground all around whose light, which a camera that looks up does not see, falls on undersides; 0: none.
+    /// Albedo of a ground all around whose light, which a camera that looks up does not see, falls on
+    /// undersides; 0: none.
     #[arg(long, value_name = "ALBEDO", default_value_t = 0.0, value_parser = albedo)]
     ground_albedo: f32,
 
-    /// Behind the scene: R,G,B (linear radiance), `panorama` (INPUT itself), or `transparent` (alpha in PNG and EXR).
-    /// Default: a dark grey.
+    /// Behind the scene: R,G,B (linear radiance), `panorama` (INPUT itself), or `transparent` (alpha in PNG
+    /// and EXR). Default: a dark grey.
     #[arg(long, value_name = "BACKGROUND", value_parser = background)]
     background: Option<BackgroundName>,
 
@@ -28,7 +32,8 @@ pub(super) struct Look {
     #[arg(long, value_name = "STOPS", allow_hyphen_values = true, value_parser = stops)]
     exposure: Option<f32>,
 
-    /// Curve from radiance to PNG or window: Reinhard's, that of sRGB alone (clips at 1), or none (clips too).
+    /// Curve from radiance to PNG or window: Reinhard's, that of sRGB alone (clips at 1), or none (clips
+    /// too).
     #[arg(long, value_enum, default_value_t = ToneName::Reinhard)]
     tone: ToneName,
 
@@ -122,9 +127,10 @@ impl Look {
 /// As many pixels as the file has, within what a device holds.
 fn own_shape(path: &Path) -> Result<PolarShape> {
     let mut frame = Frame::default();
-    lightcast_core::image::read(path, &mut frame)?;
+    files::read(path, &mut frame)?;
     let columns = frame.width.min(MOST_COLUMNS);
-    Ok(PolarShape::sphere(columns, (columns * frame.height / frame.width.max(1)).max(1)))
+    let rows = (columns * frame.height / frame.width.max(1)).max(1);
+    Ok(PolarShape::new(columns, rows, PI)?)
 }
 
 fn albedo(text: &str) -> Result<f32, String> {

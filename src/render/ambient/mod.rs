@@ -1,8 +1,9 @@
 //! Lighting by the ground that a capture does not see: a lens that looks up leaves undersides black.
 //!
-//! A ground of albedo A, lit by all lights and hidden by nothing, has the radiance A E_up / pi, where E_up is the sum of
-//! E_i max(0, d_i.y); a surface of normal n has half the sphere less or more of it before it, and gets the irradiance
-//! A E_up (1 - n.y) / 2. Diffuse light only: what glossy surfaces mirror of the ground is not in it.
+//! A ground of albedo A, lit by all lights and hidden by nothing, has the radiance A E_up / pi, where E_up is
+//! the sum of E_i max(0, d_i.y); a surface of normal n has half the sphere less or more of it before it, and
+//! gets the irradiance A E_up (1 - n.y) / 2. Diffuse light only: what glossy surfaces mirror of the ground is
+//! not in it.
 
 use super::view::{SEEN, Seen};
 use crate::gpu::{Array, Gpu, Timer, UNIFORM};

@@ -1,5 +1,6 @@
-//! How much a rough surface reflects in all: the directional albedo of GGX with masking by Smith and no Fresnel
-//! reflectance, one reflection only. What it lacks from 1 leaves a real surface after more reflections (Turquin 2019).
+//! How much a rough surface reflects in all: the directional albedo of GGX with masking by Smith and no
+//! Fresnel reflectance, one reflection only. What it lacks from 1 leaves a real surface after more
+//! reflections (Turquin 2019).
 
 use std::f64::consts::TAU;
 

@@ -1,5 +1,5 @@
-//! Exact shadows of one directional light, for tests: the heights of all surfaces along the light, triangle by
-//! triangle.
+//! Exact shadows of one directional light, for tests: the heights of all surfaces along the light, triangle
+//! by triangle.
 
 use super::light_space::twin::light_basis;
 use crate::scene::Scene;
@@ -58,8 +58,8 @@ impl Sheets {
         sheets
     }
 
-    /// Whether the surface that lies nearest to `height` at a place across the light is lit; `None` where there is no
-    /// surface.
+    /// Whether the surface that lies nearest to `height` at a place across the light is lit; `None` where
+    /// there is no surface.
     pub fn is_lit(&self, across: DVec2, height: f64) -> Option<bool> {
         let place = (across - self.low) / self.cell;
         if place.cmplt(DVec2::ZERO).any() || place.cmpge(DVec2::splat(GRID as f64)).any() {

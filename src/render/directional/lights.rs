@@ -1,5 +1,5 @@
-//! From a list to the lights on the device: set H, set L and the shadow map of each (Havran et al. 2005, sections 4.2
-//! and 5.2.1).
+//! From a list to the lights on the device: set H, set L and the shadow map of each (Havran et al. 2005,
+//! sections 4.2 and 5.2.1).
 
 use super::tiles::Tiles;
 use crate::light::{Light, Prefixes, cluster};
@@ -37,8 +37,9 @@ pub(super) struct LightSets {
 }
 
 impl LightSets {
-    /// Set H is the prefix of the list, clustered if the options say so; if the list is longer and there are cones to
-    /// use it in, set L is the whole of it. A light of L has the shadow map of the light of H that it has joined.
+    /// Set H is the prefix of the list, clustered if the options say so; if the list is longer and there are
+    /// cones to use it in, set L is the whole of it. A light of L has the shadow map of the light of H that
+    /// it has joined.
     pub fn update(&mut self, list: &[Light], options: &Options) {
         self.prefixes.prefix_with_heads(list, options.lights, &mut self.high, &mut self.heads);
         if let Some(most) = options.clusters {

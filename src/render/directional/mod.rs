@@ -1,5 +1,5 @@
-//! Lighting by many directional lights (Havran et al. 2005, sections 4 and 5; METHODS section 8): sets of lights, their
-//! angular regions, an atlas of shadow maps, and the pass that adds them up over a view.
+//! Lighting by many directional lights (Havran et al. 2005, sections 4 and 5; METHODS section 8): sets of
+//! lights, their angular regions, an atlas of shadow maps, and the pass that adds them up over a view.
 
 mod bindings;
 #[cfg(test)]
@@ -76,12 +76,14 @@ impl Directional {
         Self { sets: LightSets::default(), buffers, passes, bind_groups }
     }
 
-    /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists before.
+    /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists
+    /// before.
     pub fn release_shadow_maps(&mut self, options: &Options) {
         self.sets.update(&[], options);
     }
 
-    /// Lights, their regions and shadow maps, until the next call. `options` may ask for less than was reserved.
+    /// Lights, their regions and shadow maps, until the next call. `options` may ask for less than was
+    /// reserved.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,

@@ -22,8 +22,9 @@ fn four_materials() -> Scene {
     scene(spheres.chain([(ground(8.0, -1.0, 3), true)]).collect(), materials)
 }
 
-/// Shares of pixels that a comparison at the border of a shadow may turn over, and the relative difference of the
-/// others: reached are 0.0007 and 5e-4 with lavapipe, 0.0020 (ten pixels of 4,900) and 9e-4 on an NVIDIA H200.
+/// Shares of pixels that a comparison at the border of a shadow may turn over, and the relative difference of
+/// the others: reached are 0.0007 and 5e-4 with lavapipe, 0.0020 (ten pixels of 4,900) and 9e-4 on an NVIDIA
+/// H200.
 const MOST_TURNED: f64 = 3e-3;
 const TOLERANCE: f32 = 1e-3;
 

@@ -1,5 +1,5 @@
-//! CPU twin of `shaders/brdf.wgsl`, `shaders/directional/visibility.wgsl` and `shaders/directional/shade.wgsl`, function
-//! by function, on what was read back from the device.
+//! CPU twin of `shaders/brdf.wgsl`, `shaders/directional/visibility.wgsl` and
+//! `shaders/directional/shade.wgsl`, function by function, on what was read back from the device.
 
 use super::light_space::LightSpace;
 use super::light_space::twin::{Window, light_basis, light_window};

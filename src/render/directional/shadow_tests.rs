@@ -40,8 +40,8 @@ struct Compared {
     leaked: f64,
 }
 
-/// Draws a Lambertian scene under one light and compares every pixel with exact visibility, but for those nearer to
-/// the border of a shadow, as the light sees it, than `margin` texels.
+/// Draws a Lambertian scene under one light and compares every pixel with exact visibility, but for those
+/// nearer to the border of a shadow, as the light sees it, than `margin` texels.
 fn compared(renderer: &mut Renderer, camera: &Camera, direction: Vec3, margin: f64) -> Compared {
     let light = light(0, direction, PI);
     let direction = Vec3::from(light.direction);
@@ -89,8 +89,8 @@ fn compared(renderer: &mut Renderer, camera: &Camera, direction: Vec3, margin: f
     compared
 }
 
-/// Parts of the light that may be lost by lit pixels, or get to dark ones: reached are 0.0073, at walls nearly along the
-/// light, and 0.0043, in a bowl of coarse triangles.
+/// Parts of the light that may be lost by lit pixels, or get to dark ones: reached are 0.0073, at walls
+/// nearly along the light, and 0.0043, in a bowl of coarse triangles.
 const LOST: f64 = 0.01;
 const LEAKED: f64 = 0.005;
 

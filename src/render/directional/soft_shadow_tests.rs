@@ -9,8 +9,8 @@ use glam::{UVec2, Vec3};
 
 const SIZE: [u32; 2] = [128, 96];
 
-/// RMS width of the edge of the shadow of a thin plate at `height` over the ground under a light in the zenith, and
-/// the distance of its middle from where the plate ends.
+/// RMS width of the edge of the shadow of a thin plate at `height` over the ground under a light in the
+/// zenith, and the distance of its middle from where the plate ends.
 fn edge(height: f32, spread_rad: f32, soft_samples: u32, plate_casts_far: bool) -> Option<(f64, f64)> {
     let gpu = Gpu::for_test()?;
     let options = Options {
@@ -24,8 +24,8 @@ fn edge(height: f32, spread_rad: f32, soft_samples: u32, plate_casts_far: bool) 
         cone_rad: 0.0,
         ..Options::default()
     };
-    // The plate covers x < 0. Where something else stands higher, the search for what hides the light must reach
-    // farther than the penumbra of the plate.
+    // The plate covers x < 0. Where something else stands higher, the search for what hides the light must
+    // reach farther than the penumbra of the plate.
     let top = if plate_casts_far { 3.0 * height } else { height };
     let plate = cuboid(Vec3::new(-3.0, height, -2.0), Vec3::new(0.0, height + 1e-3, 2.0), 0);
     let post = cuboid(Vec3::new(-3.0, top, -2.0), Vec3::new(-2.9, top + 1e-3, -1.9), 0);
@@ -72,8 +72,8 @@ fn an_edge_is_as_wide_as_the_spread_of_the_light() {
             for spread_rad in [0.05, 0.1f32] {
                 for samples in [8, 16] {
                     let Some((width, middle)) = edge(height, spread_rad, samples, far) else { return };
-                    // The light is a disc of angular radius sqrt(2) times its RMS angle; the profile of an edge under
-                    // a disc of radius r has the derivative of a half circle, of RMS width r / 2.
+                    // The light is a disc of angular radius sqrt(2) times its RMS angle; the profile of an
+                    // edge under a disc of radius r has the derivative of a half circle, of RMS width r / 2.
                     let exact = f64::from(height * spread_rad.tan()) * std::f64::consts::FRAC_1_SQRT_2;
                     let (width, middle) = (width / exact, middle / exact);
                     let about = format!(

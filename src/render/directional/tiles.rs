@@ -1,8 +1,8 @@
 use crate::light::Light;
 use glam::Vec3;
 
-/// How much brighter a light must be than one that has a shadow map to take it over: lights of nearly the same power
-/// would else take it from each other in every frame.
+/// How much brighter a light must be than one that has a shadow map to take it over: lights of nearly the
+/// same power would else take it from each other in every frame.
 const TAKE_OVER: f32 = 1.2;
 
 /// Which lights have a shadow map: those of most power, and the others borrow the nearest.
@@ -19,8 +19,8 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// Gives `count` tiles to the lights of most power among `lights`, whose ids differ from each other. A light keeps
-    /// its tile while it is there, has power, and no light without one is brighter by a fifth.
+    /// Gives `count` tiles to the lights of most power among `lights`, whose ids differ from each other. A
+    /// light keeps its tile while it is there, has power, and no light without one is brighter by a fifth.
     pub fn assign(&mut self, lights: &[Light], count: usize) {
         self.owners.resize(count, None);
         self.own.clear();

@@ -1,5 +1,5 @@
-//! What a live view needs beyond [`Renderer::draw`]: a quality that changes from frame to frame, a picture that gets
-//! better while nothing moves, and a size that follows the window.
+//! What a live view needs beyond [`Renderer::draw`]: a quality that changes from frame to frame, a picture
+//! that gets better while nothing moves, and a size that follows the window.
 
 use super::{Renderer, picture};
 use crate::error::Result;
@@ -14,8 +14,8 @@ impl Renderer {
         &self.options
     }
 
-    /// Lights of set H and shadow maps from the next [`draw`](Self::draw) on: at least one light, and at most what the
-    /// options reserved.
+    /// Lights of set H and shadow maps from the next [`draw`](Self::draw) on: at least one light, and at most
+    /// what the options reserved.
     pub fn set_quality(&mut self, quality: Quality) {
         self.quality = Quality {
             lights: quality.lights.clamp(1, self.options.lights),
@@ -23,8 +23,9 @@ impl Renderer {
         };
     }
 
-    /// Adds one more sample to the picture drawn last, of the same lights and scene from the same camera, which is then
-    /// the mean of `drawn + 1` samples. `drawn` is the number of samples that it holds, at least 1.
+    /// Adds one more sample to the picture drawn last, of the same lights and scene from the same camera,
+    /// which is then the mean of `drawn + 1` samples. `drawn` is the number of samples that it holds, at
+    /// least 1.
     ///
     /// # Errors
     /// Those of the device.

@@ -6,8 +6,8 @@ use crate::gpu::{PassTimes, read_buffer, read_texture};
 use crate::render::directional::LightCounts;
 
 impl Renderer {
-    /// Maps the frame drawn last to `target`, `elapsed_s` after the one before: the exposure follows what is seen in
-    /// about half a second.
+    /// Maps the frame drawn last to `target`, `elapsed_s` after the one before: the exposure follows what is
+    /// seen in about half a second.
     ///
     /// # Errors
     /// Those of the device.
@@ -19,8 +19,8 @@ impl Renderer {
         self.gpu.check()
     }
 
-    /// [`Self::present`] into memory: 8-bit sRGB and alpha for every pixel, row-major from the top. Alpha is 255 but
-    /// where the background is transparent; colours are not multiplied by it.
+    /// [`Self::present`] into memory: 8-bit sRGB and alpha for every pixel, row-major from the top. Alpha is
+    /// 255 but where the background is transparent; colours are not multiplied by it.
     ///
     /// # Errors
     /// Those of the device.
@@ -39,8 +39,8 @@ impl Renderer {
         self.view.is_transparent()
     }
 
-    /// The picture as radiance: for every pixel, row-major from the top, linear RGB and the share of it that shows a
-    /// surface or a background that has radiance (colours are not divided by it).
+    /// The picture as radiance: for every pixel, row-major from the top, linear RGB and the share of it that
+    /// shows a surface or a background that has radiance (colours are not divided by it).
     ///
     /// # Errors
     /// Those of the device.
@@ -59,8 +59,8 @@ impl Renderer {
         }
     }
 
-    /// Waits for the frame drawn last: GPU time of its passes, of the first 64 of them, empty where the adapter does not
-    /// measure.
+    /// Waits for the frame drawn last: GPU time of its passes, of the first 64 of them, empty where the
+    /// adapter does not measure.
     ///
     /// # Errors
     /// Those of the device.

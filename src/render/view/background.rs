@@ -54,7 +54,7 @@ fn group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, background: &Background) -> 
             (uniform, texture(gpu, [1, 1], &[[0.0; 4]]))
         }
         Background::Panorama(map) => {
-            let rim_rad = map.shape.theta_max_rad as f32;
+            let rim_rad = map.shape.theta_max_rad() as f32;
             (BackgroundUniform { kind: PANORAMA, rim_rad, ..none }, panorama(gpu, map))
         }
     };
@@ -66,7 +66,7 @@ fn group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, background: &Background) -> 
 
 fn panorama(gpu: &Gpu, map: &PolarMap) -> wgpu::Texture {
     let texels: Vec<[f32; 4]> = map.pixels.iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect();
-    texture(gpu, [map.shape.columns as u32, map.shape.rows as u32], &texels)
+    texture(gpu, [map.shape.columns() as u32, map.shape.rows() as u32], &texels)
 }
 
 /// Full floats: a sun is brighter than halves can hold.
@@ -99,9 +99,9 @@ pub(super) mod twin {
     use std::f32::consts::TAU;
 
     pub fn panorama_at(map: &PolarMap, d: Vec3) -> Vec3 {
-        let (columns, rows) = (map.shape.columns as i32, map.shape.rows as i32);
+        let (columns, rows) = (map.shape.columns() as i32, map.shape.rows() as i32);
         let theta = d.truncate().with_y(d.z).length().atan2(d.y);
-        let rim = map.shape.theta_max_rad as f32;
+        let rim = map.shape.theta_max_rad() as f32;
         if theta > rim {
             return Vec3::ZERO;
         }

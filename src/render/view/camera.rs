@@ -13,8 +13,8 @@ pub(super) fn pixel_offset(sample: u32, samples: u32) -> [f64; 2] {
     [2, 3].map(|base| halton(u64::from(sample) + 1, base) - 0.5)
 }
 
-/// From places relative to the eye, along the axes of the world, so that scenes far from the origin keep their digits.
-/// Reversed depth without a far plane; `offset_px` moves what is seen by parts of a pixel.
+/// From places relative to the eye, along the axes of the world, so that scenes far from the origin keep
+/// their digits. Reversed depth without a far plane; `offset_px` moves what is seen by parts of a pixel.
 pub(super) fn clip_from_eye(camera: &Camera, [width, height]: [u32; 2], offset_px: [f64; 2]) -> DMat4 {
     let aspect = f64::from(width) / f64::from(height);
     let clip_from_view = rh::proj::directx::perspective_infinite_reverse(

@@ -1,5 +1,6 @@
-//! The exposure of a picture that follows what is seen: log-average, key and white (Reinhard et al. 2002 and 2003)
-//! smoothed over time (Havran et al. 2005, section 5.1), so that brightness does not flicker with what the camera sees.
+//! The exposure of a picture that follows what is seen: log-average, key and white (Reinhard et al. 2002 and
+//! 2003) smoothed over time (Havran et al. 2005, section 5.1), so that brightness does not flicker with what
+//! the camera sees.
 
 use crate::gpu::{Array, Gpu, Timer};
 use bytemuck::{Pod, Zeroable};

@@ -72,7 +72,8 @@ impl Look {
                 Err(Error::usage(format!("a background of {colour:?}; give three numbers of at least 0")))
             }
             Background::Panorama(map) => {
-                let (side, most) = (map.shape.columns.max(map.shape.rows), limits.max_texture_dimension_2d);
+                let (side, most) =
+                    (map.shape.columns().max(map.shape.rows()), limits.max_texture_dimension_2d);
                 if side > most as usize {
                     return Err(Error::usage(format!(
                         "a background of {side} pixels along a side; this device holds {most}"

@@ -1,7 +1,7 @@
 //! What a camera sees, whatever lights it: surfaces of every pixel, radiance, and the way to a screen.
 //!
-//! A sample of the picture [starts](View::start) with its surfaces and what they emit; then lightings add radiance to
-//! it through [`Seen`].
+//! A sample of the picture [starts](View::start) with its surfaces and what they emit; then lightings add
+//! radiance to it through [`Seen`].
 
 mod background;
 mod camera;

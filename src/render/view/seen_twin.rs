@@ -1,5 +1,5 @@
-//! CPU twin of `shaders/view/seen.wgsl` and `shaders/view/start.wgsl`, function by function, on what was read back from
-//! the device.
+//! CPU twin of `shaders/view/seen.wgsl` and `shaders/view/start.wgsl`, function by function, on what was read
+//! back from the device.
 
 use super::View;
 use super::seen::SampleUniform;

@@ -2,7 +2,8 @@ use super::background::BackgroundBindings;
 use super::seen::{self, Seen};
 use crate::gpu::{Gpu, Timer};
 
-/// Starts a sample: what earlier ones left of the picture, what surfaces emit by themselves, and the background.
+/// Starts a sample: what earlier ones left of the picture, what surfaces emit by themselves, and the
+/// background.
 pub(super) struct StartPass(wgpu::ComputePipeline);
 
 const SOURCES: [&str; 2] = [seen::SOURCE, include_str!("../../../shaders/view/start.wgsl")];

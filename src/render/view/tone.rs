@@ -308,6 +308,6 @@ mod tests {
         // Half of the light is code 188 of sRGB.
         assert!((shown(1, 0.25) - 187.5).abs() < 0.1, "{}", shown(1, 0.25));
         assert!((shown(2, 0.25) - 127.5).abs() < 1e-3, "{}", shown(2, 0.25));
-        assert_eq!([shown(1, 3.0), shown(2, 3.0)], [255.0; 2]);
+        assert!((shown(1, 3.0) - 255.0).abs() < 1e-3 && (shown(2, 3.0) - 255.0).abs() < 1e-3);
     }
 }
