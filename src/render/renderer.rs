@@ -6,8 +6,8 @@ use super::view::{Before, Look, Sample, View};
 use super::world::World;
 use crate::error::Result;
 use crate::gpu::{Gpu, Timer};
-use crate::light::Light;
 use crate::scene::{Camera, Scene};
+use lightcast_core::light::{Light, Regions};
 
 mod live;
 mod output;

@@ -7,9 +7,9 @@
 
 use super::view::{SEEN, Seen};
 use crate::gpu::{Array, Gpu, Timer, UNIFORM};
-use crate::light::Light;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use lightcast_core::light::Light;
 
 #[cfg(test)]
 mod tests;

@@ -2,9 +2,9 @@
 //! sections 4.2 and 5.2.1).
 
 use super::tiles::Tiles;
-use crate::light::{Light, Prefixes, cluster};
 use crate::render::options::Options;
 use bytemuck::{Pod, Zeroable};
+use lightcast_core::light::{Light, Prefixes, cluster};
 
 /// A light as shaders read it.
 #[repr(C)]

@@ -3,8 +3,8 @@
 use super::lights::GpuLight;
 use super::regions::{Assignment, HEAD_WORDS, RegionPass, RegionSet};
 use crate::gpu::{Array, Gpu, Timer, read_buffer};
-use crate::light::{Light, RegionLists, Regions};
 use crate::render::test_scenes::sky;
+use lightcast_core::light::{Light, RegionLists, Regions};
 
 /// Lists of the device for lights that stand behind `before` others, in words behind `first_word` others.
 fn lists_of_device(

@@ -1,11 +1,11 @@
 //! Soft shadows: as wide as the light's spread says.
 
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::render::test_scenes::*;
 use crate::render::{Options, Renderer};
 use crate::scene::{Camera, Material};
 use glam::{UVec2, Vec3};
+use lightcast_core::light::Light;
 
 const SIZE: [u32; 2] = [128, 96];
 
