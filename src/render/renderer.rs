@@ -7,7 +7,7 @@ use super::world::World;
 use crate::error::Result;
 use crate::gpu::{Gpu, Timer};
 use crate::scene::{Camera, Scene};
-use lightcast_core::light::{Light, Regions};
+use lightcast_core::light::Light;
 
 mod live;
 mod output;

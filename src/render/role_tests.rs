@@ -30,10 +30,6 @@ fn drawn(sphere: Roles, ground: Roles, samples: u32) -> Option<Vec<[f32; 4]>> {
     Some(pixels)
 }
 
-fn power(pixels: &[[f32; 4]]) -> f64 {
-    pixels.iter().map(|pixel| f64::from(pixel[1])).sum()
-}
-
 #[test]
 fn object_and_ground_drawn_apart_add_up_to_the_picture_of_both() {
     // The object hides the ground behind it: alpha says where. With one sample a pixel shows the one or the
