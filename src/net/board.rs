@@ -1,4 +1,4 @@
-use super::metrics::Stages;
+use super::stages::Stages;
 use crate::error::Result;
 use crate::image::PolarMap;
 use crate::light::error::ListError;

@@ -13,6 +13,8 @@ mod page;
 mod requests;
 mod server;
 mod session;
+mod shared;
+mod stages;
 mod turn;
 
 pub use board::Board;

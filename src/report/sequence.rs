@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape, Stamp};
 use crate::light::measure::{Emitters, soft_ground_cells};
 use crate::light::{Extractor, Inversion, Light, LightList, Options, Sampler};
-use crate::math::angle_between;
+use crate::math::{angle_between, percentile};
 use crate::temporal::{Directions, FilterOptions, LightFilter, design};
 use glam::DVec3;
 use std::time::{Duration, Instant};
@@ -306,15 +306,6 @@ fn figures(
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value * value, count + 1));
     (sum / count.max(1) as f64).sqrt()
-}
-
-/// Value below which a fraction of sorted values lies, linear between neighbours; 0 of nothing.
-pub(super) fn percentile(sorted: &[f64], fraction: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
-    let position = fraction * last as f64;
-    let below = (position as usize).min(last);
-    let above = (below + 1).min(last);
-    sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
 }
 
 #[cfg(test)]
