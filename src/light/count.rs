@@ -4,7 +4,7 @@
 //! overshoots is answered in the next frame, what has become too much is given up after half a second of calm, or sooner where
 //! it is far too much.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 
 /// A step is this part of the lights that are in use. Larger ones the lights that are left would not make up for at once.
 const STEPS: usize = 16;
@@ -63,12 +63,11 @@ impl Count {
     ) -> Result<Option<Self>> {
         let is_sound = |value: f64| value.is_finite() && value > 0.0;
         if let Some(target) = error_target.filter(|&target| !is_sound(f64::from(target))) {
-            return Err(Error::usage(format!(
-                "error_target = {target}: must be a relative error above 0, such as 0.01"
-            )));
+            return Err(Error::usage("must be a relative error above 0, such as 0.01")
+                .at(Place::value("error_target", target)));
         }
         if let Some(budget) = budget_ms.filter(|&budget| !is_sound(budget)) {
-            return Err(Error::usage(format!("budget_ms = {budget}: must be a time above 0 ms")));
+            return Err(Error::usage("must be a time above 0 ms").at(Place::value("budget_ms", budget)));
         }
         let count = Self {
             slots,

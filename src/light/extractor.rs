@@ -9,7 +9,7 @@ use super::seeds::{Seeds, dampened};
 use super::structured::structured;
 use super::variance_minimisation::variance_minimisation;
 use super::{LightList, MapIrradiance};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::image::{PolarMap, PolarShape, luminance};
 use serde::Deserialize;
 use std::time::Duration;
@@ -121,18 +121,20 @@ impl Extractor {
     pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
         let Options { count, sampler, inversion, relaxation_steps, error_target, budget_ms } = *options;
         if !(1..=MAX_LIGHTS).contains(&count) {
-            return Err(Error::usage(format!("count: {count} lights; give 1 to {MAX_LIGHTS}")));
+            return Err(
+                Error::usage(format!("give 1 to {MAX_LIGHTS} lights")).at(Place::value("count", count))
+            );
         }
         if relaxation_steps > 100 {
-            return Err(Error::usage(format!(
-                "relaxation_steps: {relaxation_steps}; a few suffice, give 0 to 100"
-            )));
+            return Err(Error::usage("a few suffice, give 0 to 100")
+                .at(Place::value("relaxation_steps", relaxation_steps)));
         }
         if (error_target.is_some() || budget_ms.is_some()) && sampler != Sampler::Adaptive {
+            let key = if error_target.is_some() { "error_target" } else { "budget_ms" };
             return Err(Error::usage(
-                "error_target, budget_ms: only adaptive lights change their number; leave both out, or choose sampler = \
-                 \"adaptive\"",
-            ));
+                "only adaptive lights change their number; leave this key out, or choose sampler = \"adaptive\"",
+            )
+            .at(Place::key(key)));
         }
         let chosen = Count::new(count, error_target, budget_ms)?;
         let pixels = shape.columns.checked_mul(shape.rows).filter(|&n| (1..=MAX_PIXELS).contains(&n));

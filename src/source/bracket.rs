@@ -3,7 +3,7 @@
 
 use super::live::{BadBuffer, Camera, Captured, Mark};
 use crate::camera::{ExposureMerge, Response, SensorNoise};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::image::Frame;
 use crate::rt::{Counter, Metrics};
 use serde::Deserialize;
@@ -85,9 +85,8 @@ impl<C: ExposureControl> Bracket<C> {
     ) -> Result<Self> {
         let BracketOptions { values, unit_s, latency_frames, .. } = options;
         if !(1..=LATENCY_MAX).contains(latency_frames) {
-            return Err(Error::usage(format!(
-                "latency_frames = {latency_frames}: must be 1 to {LATENCY_MAX}"
-            )));
+            return Err(Error::usage(format!("must be 1 to {LATENCY_MAX}"))
+                .at(Place::value("latency_frames", latency_frames)));
         }
         let exposures_s: Vec<f64> = values.iter().map(|&value| value as f64 * unit_s).collect();
         Ok(Self {

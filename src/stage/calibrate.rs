@@ -1,5 +1,5 @@
 use crate::camera::{FrameToPolar, PixelCounts, Response};
-use crate::error::Result;
+use crate::error::{Place, Result};
 use crate::image::{Frame, PolarMap};
 use crate::rt::stage::{Flow, Stage};
 use crate::rt::{Counter, Metrics};
@@ -27,7 +27,7 @@ impl Stage for Calibrate {
         let counts = self
             .frame_to_polar
             .apply(frame, &self.response, map)
-            .map_err(|error| error.at(format_args!("frame {}", frame.stamp.sequence)))?;
+            .map_err(|error| error.at(Place::Frame(frame.stamp.sequence)))?;
         self.counters.add(&counts, frame.stamp.sequence);
         Ok(Flow::Send)
     }

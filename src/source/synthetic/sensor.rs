@@ -2,6 +2,7 @@
 
 use super::noise::{hash, normal_pair};
 use crate::camera::Response;
+use crate::error::{Error, Result};
 use serde::Deserialize;
 
 /// Noise that depends on nothing but the seed, the frame and the sample.
@@ -25,13 +26,12 @@ impl Noise {
         FrameNoise { noise: self, key: hash(self.seed ^ hash(frame)) }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<()> {
         let sound = |value: f64| value.is_finite() && value >= 0.0;
         if sound(self.photon_radiance) && sound(self.read_codes) {
-            Ok(())
-        } else {
-            Err("noise needs photon_radiance and read_codes finite and not negative".into())
+            return Ok(());
         }
+        Err(Error::usage("needs photon_radiance and read_codes finite and not negative"))
     }
 }
 
