@@ -105,6 +105,16 @@ impl Error {
     }
 }
 
+impl From<lightcast_core::error::Error> for Error {
+    fn from(error: lightcast_core::error::Error) -> Self {
+        let kind = match error.kind() {
+            lightcast_core::error::Kind::BadFrame => Kind::BadFrame,
+            lightcast_core::error::Kind::Usage => Kind::Usage,
+        };
+        Self::new(kind, error.to_string())
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for place in self.places() {

@@ -93,7 +93,10 @@ fn lists_are_shown_in_a_window_until_a_signal_closes_it() {
     let file = folder.path().join("lists.jsonl");
     fs::write(&file, lists()).unwrap();
     let Some(messages) = opened_and_closed(&display, &file, &[]) else { return };
-    assert!(messages.contains("lists shown"), "{messages}");
+    let shown = messages.lines().find_map(|line| line.split_once("window: ")?.1.strip_suffix(" skipped"));
+    let shown =
+        shown.and_then(|text| text.split_once(" lists shown, ")).unwrap_or_else(|| panic!("{messages}"));
+    assert!(shown.0.parse::<u64>().unwrap() > 0, "{messages}");
     let day = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/replay.toml");
     let Some(messages) = opened_and_closed(&display, &day, &["--budget", "50"]) else { return };
     let window = messages.lines().find(|line| line.starts_with("window")).unwrap();

@@ -8,13 +8,14 @@
 //! the frames are recorded too; files older than two seconds are removed, so that ten minutes (150 GB) fit anywhere:
 //! how fast a disk is in the long run is not measured.
 
-use lightcast::camera::{Calibration, Response, ResponseModel};
+use lightcast::calibrate::Calibration;
 use lightcast::config::Config;
 use lightcast::error::Result;
-use lightcast::image::{Frame, LatLongCentres, Pixels};
 use lightcast::rt::Shutdown;
-use lightcast::service::{Copies, Input, Output, RecordOptions, Service, Summary};
+use lightcast::service::{Ends, Input, Output, RecordOptions, Service, Summary};
 use lightcast::source::{Camera, Captured, FrameFormat, Mark};
+use lightcast_core::camera::{Response, ResponseModel};
+use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -179,9 +180,9 @@ fn main() -> Result<()> {
     };
     let input = Input::camera(format, "calculated".to_owned(), camera);
     let options = recording.clone().map(|folder| RecordOptions { folder, ..RecordOptions::default() });
-    let copies = Copies { recording: options, ..Copies::default() };
-    let output = || Ok(Output { writer: Box::new(std::io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start_with(&config, input, output, copies, &shutdown)?;
+    let output = Some(Output::new("nowhere", std::io::sink()));
+    let ends = Ends { recording: options, output, ..Ends::default() };
+    let service = Service::start_with(&config, input, ends, &shutdown)?;
     let summary = service.summary();
     let (started, start) = (Instant::now(), usage());
     let (mut forgotten, mut told) = (0, 0);

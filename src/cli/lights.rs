@@ -1,8 +1,10 @@
 use super::panorama::{map_shape, read_panorama};
 use super::resolution::Resolution;
+use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::{Error, Result};
 use crate::light::error::ListError;
-use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
+use crate::light::{self, LightList};
+use crate::wire::write_list_line;
 use clap::ValueEnum;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
@@ -45,6 +47,10 @@ pub(super) struct Arguments {
 pub(super) enum SamplerName {
     /// Cells about samples of luminance^0.75, each with its flux, mean direction and spread.
     Refined,
+    /// As refined, with dominant peaks apart: what `run` makes of a first frame.
+    Adaptive,
+    /// As refined: what `run` makes of a first frame with persistent lights.
+    Persistent,
     /// Lights of equal luminous power at the samples (Havran et al. 2005).
     EqualPower,
     /// Rectangles of even energy (Debevec 2005).
@@ -70,8 +76,10 @@ enum InversionName {
 impl From<SamplerName> for Sampler {
     fn from(name: SamplerName) -> Self {
         match name {
-            SamplerName::Refined => Self::Refined,
-            SamplerName::EqualPower => Self::EqualPower,
+            SamplerName::Refined => Self::Live(light::Sampler::Refined),
+            SamplerName::Adaptive => Self::Live(light::Sampler::Adaptive),
+            SamplerName::Persistent => Self::Live(light::Sampler::Persistent),
+            SamplerName::EqualPower => Self::Live(light::Sampler::EqualPower),
             SamplerName::MedianCut => Self::MedianCut,
             SamplerName::VarianceMinimisation => Self::VarianceMinimisation,
             SamplerName::Structured => Self::Structured,
@@ -81,7 +89,7 @@ impl From<SamplerName> for Sampler {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let shape = map_shape(arguments.resolution, arguments.hemisphere);
+    let shape = map_shape(arguments.resolution, arguments.hemisphere)?;
     let map = read_panorama(&arguments.map, shape)?;
     let options = Options {
         count: arguments.count,
@@ -91,12 +99,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             InversionName::NormalisedRows => Inversion::NormalisedRows,
             InversionName::Standard => Inversion::Standard,
         },
-        ..Options::default()
     };
     let mut list = LightList::default();
-    Extractor::new(map.shape, &options)?.step(&map, &mut list);
+    AnyExtractor::new(map.shape, &options)?.step(&map, &mut list);
     ListError::new().measure(&mut list);
-    match list.write_json_line(io::stdout().lock()) {
+    match write_list_line(&list, io::stdout().lock()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Error::failed("standard output cannot be written").because(error))
         }

@@ -6,6 +6,7 @@ mod devices;
 mod lights;
 mod messages;
 mod panorama;
+mod progress;
 mod record;
 #[cfg(feature = "render")]
 mod render;

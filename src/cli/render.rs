@@ -3,24 +3,25 @@ mod values;
 mod window;
 
 use super::lights::SamplerName;
-use super::messages::PROGRESS;
 use super::panorama::{map_shape, read_panorama};
+use super::progress::Progress;
 use super::resolution::Resolution;
 use super::signals::SignalWatch;
+use crate::compare::{self, AnyExtractor, Inversion};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
-use crate::image::PolarMap;
-use crate::light::{self, Extractor, Light, LightList, ListFile};
+use crate::light::{Light, LightList};
 use crate::render::{Options, Renderer, emitters};
-use crate::rt::stage::{self as stages, Nowhere, Stage};
-use crate::rt::{Clock, Metrics, Shutdown};
+use crate::rt::Shutdown;
+use crate::rt::stage::{self as stages, Stage};
 use crate::scene::{Camera, Scene, Shading};
-use crate::service::{Copies, Output, Service, list_link};
+use crate::service::{Ends, Input as ServiceInput, ListReader, Service};
 use crate::stage::{Files, PictureWriter, Render};
+use crate::wire::ListFile;
 use clap::ValueEnum;
 use glam::Vec3;
-use indicatif::{ProgressBar, ProgressStyle};
+use lightcast_core::image::PolarMap;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -139,7 +140,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     time: f64,
 
-    /// Render the first list in every N sequence numbers.
+    /// Render the list of the first frame in every N sequence numbers; `run --picture-every N` draws the same frames,
+    /// and gives them the same numbers.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
 
@@ -243,17 +245,17 @@ fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
     let Target::File { path, is_exr } = target else {
         return Err(Error::usage("a panorama gives one picture; name a .png or .exr file").at(target.name()));
     };
-    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
+    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere)?)?;
     let mut renderer = renderer(arguments)?;
     let camera = camera(arguments, &renderer)?;
     if arguments.reference {
         let lights = emitters(&map);
-        let bar = PROGRESS.add(bar("emitters", Some(lights.len() as u64)));
+        let progress = Progress::of(Some(lights.len() as u64), "emitters");
         renderer.draw_reference(&lights, &camera, samples(arguments), |done| {
-            bar.set_position(done as u64);
+            progress.set_position(done as u64);
             true
         })?;
-        bar.finish_and_clear();
+        progress.finish();
     } else {
         let lights = lights_of_map(arguments, renderer.scene(), &map)?;
         renderer.draw(&lights, &camera, samples(arguments))?;
@@ -268,9 +270,10 @@ fn lights_of_map(arguments: &Arguments, scene: &Scene, map: &PolarMap) -> Result
         Shading::Phong { specular, .. } => specular != [0.0; 3],
     });
     let count = if is_glossy { arguments.lights.max(arguments.glossy_lights) } else { arguments.lights };
-    let options = light::Options { count, sampler: arguments.sampler.into(), ..light::Options::default() };
+    let options =
+        compare::Options { count, sampler: arguments.sampler.into(), inversion: Inversion::default() };
     let mut list = LightList::default();
-    Extractor::new(map.shape, &options)?.extract(map, &mut list);
+    AnyExtractor::new(map.shape, &options)?.extract(map, &mut list);
     Ok(list.lights)
 }
 
@@ -290,12 +293,12 @@ fn render_lists(arguments: &Arguments, target: &Target) -> Result<()> {
         }
         Target::Folder(folder) => {
             let mut render = numbered(arguments, renderer, camera, folder)?;
-            let bar = PROGRESS.add(bar("lists", None));
+            let progress = Progress::of(None, "lists");
             while file.read(&mut list)? {
                 render.step(&list, &mut ())?;
-                bar.inc(1);
+                progress.inc(1);
             }
-            bar.finish_and_clear();
+            progress.finish();
             Ok(())
         }
     }
@@ -313,28 +316,22 @@ fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
     let renderer = renderer(arguments)?;
     let camera = camera(arguments, &renderer)?;
     let render = numbered(arguments, renderer, camera, folder)?;
-    let (lists_in, lists) = list_link(&config, &shutdown);
-    let copies = Copies { lists: Some(lists_in), ..Copies::default() };
-    let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, copies, &shutdown)?;
-    let bar = PROGRESS.add(bar("lists", service.frame_count()));
-    let metrics = Metrics::new("render");
-    let progress = bar.clone();
-    let shown = Shown { render, bar: progress };
-    let rendered = stages::run(shown, lists, Nowhere, &Clock::real(), &shutdown, &metrics);
-    // Whichever ends first ends the other: without a reader the service would go on for nothing.
-    shutdown.request();
-    let summary = service.summary().with(metrics);
+    let input = ServiceInput::open(&config)?;
+    let progress = Progress::of(input.frame_count(), "lists");
+    let shown = Shown { render, progress: progress.clone() };
+    let ends = Ends { readers: vec![ListReader::new("render", shown)], ..Ends::default() };
+    let service = Service::start_with(&config, input, ends, &shutdown)?;
+    let summary = service.summary();
     let served = service.join(Duration::from_millis(100), || ());
-    bar.finish_and_clear();
+    progress.finish();
     let _ = write!(io::stderr(), "{summary}");
-    rendered.and(served)
+    served
 }
 
 /// A stage that shows how far it is.
 struct Shown {
     render: Render,
-    bar: ProgressBar,
+    progress: Progress,
 }
 
 impl Stage for Shown {
@@ -342,7 +339,7 @@ impl Stage for Shown {
     type Output = ();
 
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<stages::Flow> {
-        self.bar.inc(1 + list.stamp.lost_before);
+        self.progress.inc(1 + list.stamp.lost_before);
         self.render.step(list, &mut ())
     }
 }
@@ -360,14 +357,4 @@ fn no_reference(arguments: &Arguments) -> Result<()> {
         return Err(Error::usage("--reference takes every pixel of a panorama as a light; give a panorama"));
     }
     Ok(())
-}
-
-fn bar(what: &str, length: Option<u64>) -> ProgressBar {
-    let (bar, template) = match length {
-        Some(length) => {
-            (ProgressBar::new(length), format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left"))
-        }
-        None => (ProgressBar::new_spinner(), format!("{{spinner}} {{pos}} {what}, {{elapsed}}")),
-    };
-    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

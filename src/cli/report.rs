@@ -7,9 +7,10 @@ mod pictures;
 mod sequences;
 
 use super::signals::SignalWatch;
+use crate::compare::stability;
 use crate::error::{Error, Result};
 use crate::light::MAX_LIGHTS;
-use crate::report::{stability, tables};
+use crate::report::tables;
 use crate::rt::Shutdown;
 use making::Report;
 use std::io::{self, ErrorKind, Write};

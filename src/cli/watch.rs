@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::net::{Client, ClientOptions, Token};
 use crate::rt::{Metrics, Shutdown, monotonic_ns, utc_from_monotonic_ns};
 use crate::service::Summary;
-use crate::wire::{Message, QUEUE_MAX, Subscription};
+use crate::wire::{Message, QUEUE_MAX, Subscription, write_list_line};
 use clap::ValueEnum;
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
@@ -161,9 +161,7 @@ impl Lines {
         }
         let place = || format!("list {}", message.list.stamp.sequence);
         self.line.clear();
-        message
-            .list
-            .write_json_line(&mut self.line)
+        write_list_line(&message.list, &mut self.line)
             .map_err(|error| Error::failed("cannot be put into JSON").because(error).at(place()))?;
         if let Some((file, path)) = &mut self.file {
             file.write_all(&self.line).map_err(|error| {
@@ -193,7 +191,7 @@ struct Tally {
     ages_ns: Vec<i64>,
     sequence: u64,
     light_count: usize,
-    error: f32,
+    error: Option<f32>,
 }
 
 /// Ages that are kept of a second.
@@ -230,10 +228,10 @@ fn print(tally: &Tally, bytes: u64, elapsed: Duration) -> io::Result<()> {
     PROGRESS.suspend(|| {
         writeln!(
             output,
-            "sequence {:>8}  {:>5} lights  error {:.5}  {:>6.1} lists/s  {:>8.1} kB/s  age {:>7.1} ms, at most {:>7.1}  {} lost",
+            "sequence {:>8}  {:>5} lights  error {}  {:>6.1} lists/s  {:>8.1} kB/s  age {:>7.1} ms, at most {:>7.1}  {} lost",
             tally.sequence,
             tally.light_count,
-            tally.error,
+            tally.error.map_or("-".to_owned(), |error| format!("{error:.5}")),
             tally.lists as f64 / seconds,
             (bytes - tally.bytes_before) as f64 * 1e-3 / seconds,
             ms(ages_ns.get(ages_ns.len() / 2)),

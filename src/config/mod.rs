@@ -1,7 +1,7 @@
 //! What a configuration file says, checked once into the options of the rooms below.
 //!
-//! The file is TOML; `config/replay.toml` has every key with a comment. Unknown keys are refused, a fault is told
-//! with file, line and key, and paths in the file are relative to its folder.
+//! The file is TOML; `config/replay.toml` has every key with a comment. Unknown keys are refused, a fault is
+//! told with file, line and key, and paths in the file are relative to its folder.
 
 mod file;
 mod server;
@@ -9,15 +9,15 @@ mod source;
 
 pub use server::ServerConfig;
 
-use crate::camera::{ColourMatrix, Response};
+use crate::design::FilterOptions;
 use crate::error::{Error, Result, TomlText};
-use crate::image::PolarShape;
 use crate::light;
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
 use crate::source::{BracketOptions, v4l2::V4l2Options};
-use crate::temporal::FilterOptions;
 use glam::DMat3;
+use lightcast_core::camera::{ColourMatrix, Response};
+use lightcast_core::image::PolarShape;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -84,7 +84,8 @@ pub struct CameraOptions {
     pub calibration: Option<PathBuf>,
     /// Which camera of a Kalibr chain; `None`: the first.
     pub kalibr_camera: Option<String>,
-    /// Meaning of sensor codes; goes before what the calibration says. Files of OpenCV and Kalibr say nothing.
+    /// Meaning of sensor codes; goes before what the calibration says. Files of OpenCV and Kalibr say
+    /// nothing.
     pub response: Option<Response>,
     /// Rotation from camera to world axes; `None`: the projection's own default.
     pub world_from_camera: Option<DMat3>,
@@ -113,7 +114,7 @@ impl Config {
     }
 
     /// Puts file and line in front of an error about an option of `section` that only its algorithm could find.
-    pub fn locate(&self, section: &str, error: Error) -> Error {
-        self.origin.locate(section, error)
+    pub fn locate(&self, section: &str, error: impl Into<Error>) -> Error {
+        self.origin.locate(section, error.into())
     }
 }

@@ -2,13 +2,13 @@
 
 use super::{Links, Pace, Source};
 use crate::error::{Error, Place, Result};
-use crate::image::Bayer;
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
 use crate::source::{
     BracketOptions,
     v4l2::{ControlValue, V4l2Options},
 };
+use lightcast_core::image::Bayer;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 #[cfg(feature = "camera")]
@@ -23,8 +23,8 @@ enum Kind {
     Camera,
 }
 
-/// The keys of all kinds of sources. They lie in one structure, and not in one for each kind, so that a fault is told
-/// with its line.
+/// The keys of all kinds of sources. They lie in one structure, and not in one for each kind, so that a fault
+/// is told with its line.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SourceKeys {

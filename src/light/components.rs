@@ -1,6 +1,6 @@
 //! Connected pixels of a map.
 
-use crate::image::PolarShape;
+use lightcast_core::image::PolarShape;
 use std::f64::consts::PI;
 
 /// Appends to `members` the pixels that hang together with `start` (eight neighbours). The map is closed in azimuth, and
@@ -8,14 +8,14 @@ use std::f64::consts::PI;
 ///
 /// `close` says whether a pixel belongs to the component and has not been seen before, and remembers it; it is not asked
 /// for `start`. `stack` is scratch memory.
-pub(super) fn collect(
+pub fn collect_component(
     shape: PolarShape,
     start: usize,
     mut close: impl FnMut(usize) -> bool,
     stack: &mut Vec<usize>,
     members: &mut Vec<usize>,
 ) {
-    let PolarShape { columns, rows, theta_max_rad } = shape;
+    let (columns, rows, theta_max_rad) = (shape.columns(), shape.rows(), shape.theta_max_rad());
     stack.clear();
     stack.push(start);
     let mut is_pole_done = [false; 2];

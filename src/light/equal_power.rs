@@ -1,14 +1,14 @@
 use super::Light;
-use crate::image::{PolarMap, luminance_f64};
-use crate::math::polar;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, luminance_f64};
+use lightcast_core::math::polar;
 use std::f64::consts::TAU;
 
 /// Lights of equal luminous power towards `directions`, as in the paper (2005, section 3): their luminous sum is that
 /// of the map, and each has the chromaticity of the map's pixel in its direction. RGB sums are therefore only nearly
 /// those of the map. Where that pixel is black the light takes the map's mean chromaticity. `spread_rad` is 0, which
 /// stands for unknown.
-pub(super) fn equal_power(map: &PolarMap, directions: &[[f32; 3]], lights: &mut Vec<Light>) {
+pub fn equal_power(map: &PolarMap, directions: &[[f32; 3]], lights: &mut Vec<Light>) {
     let power = map.power();
     let luminous_power = luminance_f64(power);
     let share = luminous_power / directions.len().max(1) as f64;
@@ -31,7 +31,7 @@ pub(super) fn equal_power(map: &PolarMap, directions: &[[f32; 3]], lights: &mut 
 fn pixel_towards(map: &PolarMap, direction: [f32; 3]) -> [f32; 3] {
     let shape = map.shape;
     let (theta_rad, phi_rad) = polar(DVec3::from(direction.map(f64::from)));
-    let row = (theta_rad / shape.theta_max_rad * shape.rows as f64) as usize;
-    let column = (phi_rad / TAU * shape.columns as f64) as usize;
-    map.pixels[row.min(shape.rows - 1) * shape.columns + column.min(shape.columns - 1)]
+    let row = (theta_rad / shape.theta_max_rad() * shape.rows() as f64) as usize;
+    let column = (phi_rad / TAU * shape.columns() as f64) as usize;
+    map.pixels[row.min(shape.rows() - 1) * shape.columns() + column.min(shape.columns() - 1)]
 }

@@ -5,7 +5,7 @@
 //! of radius rho < pi/2 about c, a site s loses everywhere in it if `c . (t - s) > |t - s| sin rho`, because then
 //! every direction p of the cap has `p . (t - s) > 0`. What is left, a handful of sites, is compared pixel by pixel.
 
-use crate::image::PolarShape;
+use lightcast_core::image::PolarShape;
 use multiversion::multiversion;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
@@ -73,20 +73,21 @@ struct Candidate {
 impl NearestSites {
     /// Tables for maps of a shape and at most `site_count` sites; nothing is allocated later.
     pub fn new(shape: PolarShape, site_count: usize) -> Self {
-        let padded = shape.columns.next_multiple_of(LANES);
-        let phi = |column: usize| TAU * (column.min(shape.columns - 1) as f64 + 0.5) / shape.columns as f64;
-        let theta = |row: usize| shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64;
+        let padded = shape.columns().next_multiple_of(LANES);
+        let phi =
+            |column: usize| TAU * (column.min(shape.columns() - 1) as f64 + 0.5) / shape.columns() as f64;
+        let theta = |row: usize| shape.theta_max_rad() * (row as f64 + 0.5) / shape.rows() as f64;
         let capacity = site_count.next_multiple_of(LANES);
         let scratch = || Vec::with_capacity(capacity);
         Self {
             shape,
             blocks: blocks(shape, padded),
             tables: Tables {
-                columns: shape.columns,
+                columns: shape.columns(),
                 cos_phi: (0..padded).map(|c| phi(c).cos() as f32).collect(),
                 sin_phi: (0..padded).map(|c| phi(c).sin() as f32).collect(),
-                sin_theta: (0..shape.rows).map(|r| theta(r).sin() as f32).collect(),
-                cos_theta: (0..shape.rows).map(|r| theta(r).cos() as f32).collect(),
+                sin_theta: (0..shape.rows()).map(|r| theta(r).sin() as f32).collect(),
+                cos_theta: (0..shape.rows()).map(|r| theta(r).cos() as f32).collect(),
             },
             sites: Sites { x: scratch(), y: scratch(), z: scratch(), margin: scratch() },
             candidates: Vec::with_capacity(site_count),
@@ -101,7 +102,7 @@ impl NearestSites {
     pub fn assign(&mut self, sites: &[[f32; 3]], nearest: &mut [u32]) {
         assert!(!sites.is_empty() && nearest.len() == self.shape.len(), "sites, and a slot for each pixel");
         self.sites.load(sites);
-        let columns = self.shape.columns;
+        let columns = self.shape.columns();
         for block in &self.blocks {
             self.candidates.clear();
             self.sites.margins(block.centre, block.sin_radius);
@@ -128,24 +129,24 @@ fn lanes(values: &[f32]) -> &[f32; LANES] {
 
 /// Blocks that tile the map.
 fn blocks(shape: PolarShape, padded: usize) -> Vec<Block> {
-    let row_height = shape.theta_max_rad / shape.rows as f64;
-    let height = ((BLOCK_SIZE_RAD / row_height).round() as usize).clamp(1, shape.rows);
+    let row_height = shape.theta_max_rad() / shape.rows() as f64;
+    let height = ((BLOCK_SIZE_RAD / row_height).round() as usize).clamp(1, shape.rows());
     let mut blocks = Vec::new();
-    for first in (0..shape.rows).step_by(height) {
-        let rows = first..(first + height).min(shape.rows);
+    for first in (0..shape.rows()).step_by(height) {
+        let rows = first..(first + height).min(shape.rows());
         let middle = 0.5 * (shape.theta_edge_rad(rows.start) + shape.theta_edge_rad(rows.end));
-        let step = middle.sin() * TAU / shape.columns as f64;
+        let step = middle.sin() * TAU / shape.columns() as f64;
         let width = ((BLOCK_SIZE_RAD / step).min(padded as f64) as usize).next_multiple_of(LANES).max(LANES);
         for first in (0..padded).step_by(width) {
             let columns = first..(first + width).min(padded);
-            let end = columns.end.min(shape.columns);
-            let phi = TAU * 0.5 * (columns.start + end) as f64 / shape.columns as f64;
-            let centre = crate::math::direction(middle, phi);
+            let end = columns.end.min(shape.columns());
+            let phi = TAU * 0.5 * (columns.start + end) as f64 / shape.columns() as f64;
+            let centre = lightcast_core::math::direction(middle, phi);
             let mut radius = 0f64;
             for row in rows.clone() {
                 for column in columns.start..end {
-                    radius =
-                        radius.max(crate::math::angle_between(centre, shape.pixel_direction(row, column)));
+                    radius = radius
+                        .max(lightcast_core::math::angle_between(centre, shape.pixel_direction(row, column)));
                 }
             }
             blocks.push(Block {
@@ -256,13 +257,13 @@ fn compare(candidates: &[Candidate], block: &Block, tables: &Tables, nearest: &m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::fibonacci_sphere;
+    use lightcast_core::math::fibonacci_sphere;
 
     /// Every site against every pixel, with the arithmetic of [`compare`].
     fn assign_slowly(tables: &NearestSites, sites: &[[f32; 3]]) -> Vec<u32> {
         let mut nearest = Vec::new();
-        for row in 0..tables.shape.rows {
-            for column in 0..tables.shape.columns {
+        for row in 0..tables.shape.rows() {
+            for column in 0..tables.shape.columns() {
                 let px = tables.tables.sin_theta[row] * tables.tables.cos_phi[column];
                 let pz = tables.tables.sin_theta[row] * tables.tables.sin_phi[column];
                 let mut best = (f32::NEG_INFINITY, 0);
@@ -282,13 +283,13 @@ mod tests {
     fn site_sets() -> Vec<(&'static str, Vec<[f32; 3]>)> {
         let even = |count| fibonacci_sphere(count).map(|d| d.as_vec3().to_array()).collect::<Vec<_>>();
         let bunch = |size: f64, count| -> Vec<[f32; 3]> {
-            let about = crate::math::direction(0.7, 3.0);
+            let about = lightcast_core::math::direction(0.7, 3.0);
             fibonacci_sphere(count)
                 .map(|d| (about + size * d).as_vec3().normalize_or(glam::Vec3::Y).to_array())
                 .collect()
         };
-        let circle =
-            (0..100).map(|i| crate::math::direction(1.2, 0.0628 * f64::from(i)).as_vec3().to_array());
+        let circle = (0..100)
+            .map(|i| lightcast_core::math::direction(1.2, 0.0628 * f64::from(i)).as_vec3().to_array());
         vec![
             ("even", even(300)),
             ("one", even(1)),
@@ -308,12 +309,12 @@ mod tests {
         for shape in [
             PolarShape::hemisphere(360, 90),
             PolarShape::sphere(90, 45),
-            PolarShape { columns: 128, rows: 40, theta_max_rad: 1.92 },
+            PolarShape::new(128, 40, 1.92).unwrap(),
             PolarShape::hemisphere(1, 1),
             PolarShape::sphere(1, 1),
             PolarShape::sphere(3, 2),
             PolarShape::hemisphere(17, 200),
-            PolarShape { columns: 400, rows: 3, theta_max_rad: 0.01 },
+            PolarShape::new(400, 3, 0.01).unwrap(),
         ] {
             for (case, sites) in site_sets() {
                 let mut tables = NearestSites::new(shape, sites.len());

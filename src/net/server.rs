@@ -19,14 +19,15 @@ use tokio::runtime;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
 
-/// Bytes that the kernel keeps for a client that does not take them. More would only be older lists for the client to
-/// read before it comes to the newest: this holds some 15 lists of 300 lights as bytes.
+/// Bytes that the kernel keeps for a client that does not take them. More would only be older lists for the
+/// client to read before it comes to the newest: this holds some 15 lists of 300 lights as bytes.
 const SEND_BUFFER_BYTES: usize = 1 << 16;
 /// Connections for requests beside those that lists are streamed over.
 const REQUESTS_MAX: usize = 64;
 /// Longest time for the head of a request.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
-/// Longest life of a connection for requests: a client that reads an answer byte by byte does not hold it for ever.
+/// Longest life of a connection for requests: a client that reads an answer byte by byte does not hold it for
+/// ever.
 const CONNECTION_WITHIN: Duration = Duration::from_secs(120);
 /// Longest time that clients have in the end to take what is left.
 const END_WITHIN: Duration = Duration::from_secs(2);
@@ -130,7 +131,8 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
     let connections = Arc::new(Semaphore::new(REQUESTS_MAX));
     let mut phase = shared.phase();
     loop {
-        // With all places taken, the others wait in the kernel until a connection ends or its time is up.
+        // With all connection slots taken, the others wait in the kernel until a connection ends or its time
+        // is up.
         let permit = tokio::select! {
             permit = connections.clone().acquire_owned() => permit.expect("nobody closes the semaphore"),
             _ = phase.wait_for(|phase| *phase == Phase::Ending) => break,
@@ -161,7 +163,8 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
     Ok(())
 }
 
-/// Answers the requests of one connection. One that becomes a stream of lists leaves it, and its permit, behind.
+/// Answers the requests of one connection. One that becomes a stream of lists leaves it, and its permit,
+/// behind.
 async fn connection(
     stream: TcpStream,
     peer: Peer,

@@ -46,8 +46,8 @@ pub(super) struct Counters {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peer(pub SocketAddr);
 
-/// A place among the clients; free again when dropped.
-pub(super) struct Place(Arc<Shared>);
+/// The connection slot of a client; free again when dropped.
+pub(super) struct ConnectionSlot(Arc<Shared>);
 
 /// A map as a file.
 #[derive(Clone)]
@@ -105,12 +105,12 @@ impl Shared {
         self.clients.load(Ordering::Acquire) as u64
     }
 
-    /// A place for a client, if fewer than `most` are taken.
-    pub fn admit(self: &Arc<Self>, most: usize) -> Option<Place> {
+    /// A connection slot for a client, if fewer than `most` are taken.
+    pub fn admit(self: &Arc<Self>, most: usize) -> Option<ConnectionSlot> {
         self.clients
             .fetch_update(Ordering::AcqRel, Ordering::Acquire, |count| (count < most).then_some(count + 1))
             .ok()
-            .map(|_| Place(self.clone()))
+            .map(|_| ConnectionSlot(self.clone()))
     }
 }
 
@@ -120,7 +120,7 @@ impl std::fmt::Debug for Shared {
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
         self.0.clients.fetch_sub(1, Ordering::AcqRel);
     }

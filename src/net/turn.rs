@@ -31,8 +31,8 @@ impl Turn {
         self.due_ns = None;
     }
 
-    /// The next post of `posts` (their numbers are consecutive) that is due, and how many lists that were due before it
-    /// are lost; `None`: all that is due was had.
+    /// The next post of `posts` (their numbers are consecutive) that is due, and how many lists that were due
+    /// before it are lost; `None`: all that is due was had.
     pub fn next(&mut self, posts: &VecDeque<Arc<Post>>) -> Option<(Arc<Post>, u64)> {
         let oldest = posts.front()?;
         let end = oldest.number + posts.len() as u64;
@@ -63,7 +63,8 @@ impl Turn {
         Some((post.clone(), lost))
     }
 
-    /// Lists that were due and are no longer among the posts: as many as their rate against the frame rate lets expect.
+    /// Lists that were due and are no longer among the posts: as many as their rate against the frame rate
+    /// lets expect.
     fn lost_unseen(&self, oldest: &Post) -> u64 {
         let unseen = oldest.number.saturating_sub(self.next_number);
         let frame_rate_hz = oldest.list.stamp.frame_rate_hz;
@@ -85,7 +86,8 @@ impl Turn {
                 let rate_hz = stamp.frame_rate_hz;
                 let half_frame_ns = if rate_hz > 0.0 { (5e8 / rate_hz) as i64 } else { 0 };
                 let until_ns = due_ns.saturating_sub(time_ns);
-                // Times that ran back, by a clock that was set or a source that began anew, are not waited for.
+                // Times that ran back, by a clock that was set or a source that began anew, are not waited
+                // for.
                 if until_ns > half_frame_ns.min(period_ns / 2) && until_ns <= period_ns.saturating_mul(2) {
                     return None;
                 }
@@ -101,9 +103,9 @@ impl Turn {
 mod tests {
     use super::super::Board;
     use super::*;
-    use crate::image::Stamp;
     use crate::light::LightList;
     use crate::rt::CaptureEpoch;
+    use lightcast_core::image::Stamp;
 
     const FRAME_NS: i64 = 40_000_000;
 

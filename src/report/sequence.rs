@@ -8,68 +8,22 @@
 
 use super::filtered_truth::filtered;
 use super::sequence_maps::{garden_frame, hall_frame};
+use crate::compare::sequence_methods::SequenceMethod;
+use crate::compare::still_methods::SHAPE;
+use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::{Error, Result};
-use crate::image::{PolarMap, PolarShape, Stamp};
 use crate::light::measure::{Emitters, soft_ground_cells};
-use crate::light::{Extractor, Inversion, Light, LightList, Options, Sampler};
-use crate::math::{angle_between, percentile};
-use crate::temporal::{Directions, FilterOptions, LightFilter, design};
+use crate::light::{Light, LightList};
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, Stamp};
+use lightcast_core::math::angle_between;
+use lightcast_core::math::percentile;
 use std::time::{Duration, Instant};
 
-/// Size of the maps that the figures are given for.
-pub const SHAPE: PolarShape = super::stills::SHAPE;
 /// Frames of a sequence.
 pub const FRAMES: usize = 40;
-/// Lights of a list.
-pub const LIGHTS: usize = 128;
 /// The rate that the published taps are for.
 const FRAME_RATE_HZ: f64 = 25.0;
-
-/// How the lights of a sequence are found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// Equal-power lights by the bicontinuous inversion with normalised rows, each frame by itself: the paper's.
-    Paper,
-    /// Refined lights, each frame by itself.
-    Refined,
-    /// Persistent lights.
-    Persistent,
-    /// Adaptive lights, and directions filtered by power: what `lightcast run` does by default.
-    Adaptive,
-}
-
-impl Method {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Paper, Self::Refined, Self::Persistent, Self::Adaptive];
-    /// The one that `run` takes unless told otherwise.
-    pub const OURS: Self = Self::Adaptive;
-
-    /// What tables call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Paper => "the paper",
-            Self::Refined => "refined",
-            Self::Persistent => "persistent",
-            Self::Adaptive => "adaptive",
-        }
-    }
-
-    fn sampler(self) -> Sampler {
-        match self {
-            Self::Paper => Sampler::EqualPower,
-            Self::Refined => Sampler::Refined,
-            Self::Persistent => Sampler::Persistent,
-            Self::Adaptive => Sampler::Adaptive,
-        }
-    }
-
-    /// The paper's filter for the methods of METHODS' table, which were measured with it.
-    fn filter(self) -> FilterOptions {
-        let directions = if self == Self::Adaptive { Directions::ByPower } else { Directions::Alike };
-        FilterOptions { directions, ..FilterOptions::default() }
-    }
-}
 
 /// How far lists are from the truth over a sequence, and how unsteadily.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,9 +99,9 @@ impl Sequence {
     /// The fewest frames that a sequence at this rate needs for all its figures: the filter's order and three more.
     ///
     /// # Errors
-    /// Kind `Usage` for a frame rate without a filter (see [`design`]).
+    /// Kind `Usage` for a frame rate without a filter (see [`low_pass`]).
     pub fn least_frames(frame_rate_hz: f64) -> Result<usize> {
-        Ok(design(frame_rate_hz, &FilterOptions::default())?.order() + 3)
+        Ok(low_pass(frame_rate_hz, &FilterOptions::default())?.order() + 3)
     }
 
     /// Any maps of one shape, in the order of their stamps, whose frame rate decides on the filter; what a stamp
@@ -156,13 +110,13 @@ impl Sequence {
     ///
     /// # Errors
     /// Kind `Usage` for maps of different shapes, for fewer than [`Self::least_frames`], and for a frame rate without a
-    /// filter (see [`design`]).
+    /// filter (see [`low_pass`]).
     pub fn from_maps(maps: Vec<PolarMap>, goes_on: &dyn Fn() -> bool) -> Result<Option<Self>> {
         let frame_rate_hz = maps.first().map_or(0.0, |map| map.stamp.frame_rate_hz);
         if maps.iter().any(|map| map.shape != maps[0].shape || map.pixels.len() != map.shape.len()) {
             return Err(Error::usage("the maps of a sequence are of different shapes; give them one"));
         }
-        let taps = design(frame_rate_hz, &FilterOptions::default())?;
+        let taps = low_pass(frame_rate_hz, &FilterOptions::default())?;
         let (count, least) = (maps.len(), Self::least_frames(frame_rate_hz)?);
         if count < least {
             return Err(Error::usage(format!("has {count} frames that can be used; give at least {least}")));
@@ -198,12 +152,14 @@ impl Sequence {
     ///
     /// # Errors
     /// Those of the extractor and the filter.
-    pub fn measure(&self, method: Method, count: usize, goes_on: &dyn Fn() -> bool) -> Result<Option<Timed>> {
-        let normalised = Options { inversion: Inversion::NormalisedRows, ..Options::default() };
-        let others = if method == Method::Paper { normalised } else { Options::default() };
-        let options = Options { count, sampler: method.sampler(), ..others };
-        let mut extractor = Extractor::new(self.maps[0].shape, &options)?;
-        let mut filter = LightFilter::new(&method.filter())?;
+    pub fn measure(
+        &self,
+        method: SequenceMethod,
+        count: usize,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Timed>> {
+        let mut extractor = method.extractor(self.maps[0].shape, count)?;
+        let mut filter = RateFilter::new(&method.filter())?;
         let (mut before, mut after, mut times) = (Vec::new(), Vec::new(), Vec::new());
         let (mut list, mut filtered) = (LightList::default(), LightList::default());
         for map in &self.maps {
@@ -247,7 +203,11 @@ fn check_shape(map: &PolarMap) -> Result<()> {
     }
     Err(Error::usage(format!(
         "a map of {} x {} pixels down to {:.4} rad: the sequences are measured on hemispheres of {} x {}",
-        map.shape.columns, map.shape.rows, map.shape.theta_max_rad, SHAPE.columns, SHAPE.rows
+        map.shape.columns(),
+        map.shape.rows(),
+        map.shape.theta_max_rad(),
+        SHAPE.columns(),
+        SHAPE.rows()
     )))
 }
 

@@ -1,7 +1,7 @@
 use crate::gpu::Gpu;
-use crate::image::PolarMap;
 use crate::light::{Light, Prefixes};
 use crate::picture::MapBackground;
+use lightcast_core::image::PolarMap;
 
 const SHADER: &str = include_str!("../../shaders/inset.wgsl");
 
@@ -64,7 +64,7 @@ impl Inset {
 
     /// Makes the picture anew in the size that suits a window of this size at the next [`Self::update`].
     pub fn resize(&mut self, window_px: [u32; 2]) {
-        let width = width_px(window_px, self.map.shape.theta_max_rad);
+        let width = width_px(window_px, self.map.shape.theta_max_rad());
         self.background = (width > 0).then(|| MapBackground::new(&self.map, width as usize));
         self.shown = None;
     }
@@ -162,7 +162,7 @@ fn width_px([width, height]: [u32; 2], theta_max_rad: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
+    use lightcast_core::image::PolarShape;
     use std::f64::consts::{FRAC_PI_2, PI};
 
     #[test]

@@ -1,8 +1,8 @@
 //! `render` of a stream: lists from a server, in the place of those of a file.
 
 use super::values::Target;
-use super::{Arguments, Shown, bar, camera, no_reference, numbered, renderer, samples, window};
-use crate::cli::messages::PROGRESS;
+use super::{Arguments, Shown, camera, no_reference, numbered, renderer, samples, window};
+use crate::cli::progress::Progress;
 use crate::cli::signals::SignalWatch;
 use crate::error::Result;
 use crate::light::LightList;
@@ -79,11 +79,11 @@ pub(super) fn render(arguments: &Arguments, target: &Target, options: ClientOpti
             None => Ok(()),
         },
         Target::Folder(folder) => {
-            let bar = PROGRESS.add(bar("lists", None));
+            let progress = Progress::of(None, "lists");
             let render = numbered(arguments, renderer, camera, folder)?;
-            let shown = Shown { render, bar: bar.clone() };
+            let shown = Shown { render, progress: progress.clone() };
             let outcome = stages::run(shown, lists, Nowhere, &Clock::real(), &shutdown, &rendered);
-            bar.finish_and_clear();
+            progress.finish();
             outcome
         }
     };

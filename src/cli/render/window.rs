@@ -7,14 +7,15 @@ use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::signals::SignalWatch;
 use crate::config::{Config, Pace};
 use crate::error::{Error, Result};
-use crate::image::{PolarMap, PolarShape};
-use crate::light::{LightList, ListFile};
+use crate::light::LightList;
 use crate::net::{Client, ClientOptions};
 use crate::render::budget::BudgetOptions;
 use crate::rt::link::{self, Sender};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
-use crate::service::{Copies, Output, Service, Summary};
+use crate::service::{Ends, Service, Summary};
 use crate::window::{Display, Settings, Source};
+use crate::wire::ListFile;
+use lightcast_core::image::{PolarMap, PolarShape};
 use std::ffi::OsStr;
 use std::io::{self, Write as _};
 use std::time::Duration;
@@ -79,7 +80,7 @@ fn show(
 }
 
 fn show_panorama(arguments: &Arguments, display: Display, closing: &Shutdown) -> Result<()> {
-    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
+    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere)?)?;
     let scene = scene(arguments)?;
     let lights = lights_of_map(arguments, &scene, &map)?;
     show(arguments, display, Source::Still(lights), scene, map, closing)
@@ -165,9 +166,8 @@ fn show_sequence(arguments: &Arguments, display: Display, closing: &Shutdown) ->
     let serving = Shutdown::new();
     let (lists_in, lists) = link::latest(&serving, LightList::default);
     let (maps_in, maps) = link::latest(&serving, || PolarMap::black(config.map));
-    let copies = Copies { lists: Some(lists_in), maps: Some(maps_in), ..Copies::default() };
-    let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, copies, &serving)?;
+    let ends = Ends { lists: Some(lists_in), maps: Some(maps_in), ..Ends::default() };
+    let service = Service::start(&config, ends, &serving)?;
     let metrics = Metrics::new("window");
     let source = Source::Live { lists, maps: Some(maps), metrics: metrics.clone() };
     let shown = show(arguments, display, source, scene, PolarMap::black(config.map), closing);

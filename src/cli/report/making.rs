@@ -6,21 +6,23 @@ use super::inputs::{Inputs, Made, Map, Moving};
 use super::pictures::Drawing;
 use super::{Arguments, print};
 use crate::cli::messages::PROGRESS;
+use crate::cli::progress::Progress;
+use crate::compare::sequence_methods::{LIGHTS, SequenceMethod, is_published};
+use crate::compare::stability;
+use crate::compare::still_methods::{METHODS, are_published};
 use crate::error::Result;
 use crate::report::document::{Document, Text};
-use crate::report::sequence;
 use crate::report::table::Table;
 use crate::report::tables::{self, Origin};
-use crate::report::{folder, sequence_table, stability, stills};
+use crate::report::{folder, sequence_table, stills};
 use crate::rt::Shutdown;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
 
 /// A report that is being made.
 pub(super) struct Report<'a> {
     pub arguments: &'a Arguments,
     pub shutdown: &'a Shutdown,
-    pub bar: ProgressBar,
+    pub progress: Progress,
     pub document: Document,
     /// What draws pictures, where there are to be any.
     #[cfg(feature = "render")]
@@ -33,12 +35,10 @@ impl<'a> Report<'a> {
         let mut counts = arguments.lights.clone();
         counts.sort_unstable();
         counts.dedup();
-        let style = ProgressStyle::with_template("{bar:40} {percent}% {msg}, {elapsed}")
-            .unwrap_or_else(|_| ProgressStyle::default_bar());
         Self {
             arguments,
             shutdown,
-            bar: PROGRESS.add(ProgressBar::new(0)).with_style(style),
+            progress: Progress::in_percent(0),
             document: Document::new(command_line(), counts),
             #[cfg(feature = "render")]
             drawing: None,
@@ -48,20 +48,19 @@ impl<'a> Report<'a> {
 
     /// Opens all inputs and what draws pictures; `None` when it was interrupted.
     pub fn open(&mut self) -> Result<Option<Inputs>> {
-        let reading = |name: &str| self.bar.set_message(format!("reading {name}"));
+        let reading = |name: &str| self.progress.set_message(format!("reading {name}"));
         let inputs = Inputs::open(self.arguments, self.shutdown, reading);
         // An error is told below the bar.
-        let Some(inputs) = inputs.inspect_err(|_| self.bar.finish_and_clear())? else {
-            self.bar.finish_and_clear();
+        let Some(inputs) = inputs.inspect_err(|_| self.progress.finish())? else {
+            self.progress.finish();
             return Ok(None);
         };
         let counts = self.document.lights.len();
-        let rows = inputs.maps.len() * stills::METHODS.len() * counts
-            + inputs.sequences.len() * sequence::Method::ALL.len() * counts;
+        let rows = inputs.maps.len() * METHODS.len() * counts
+            + inputs.sequences.len() * SequenceMethod::ALL.len() * counts;
         #[cfg(feature = "render")]
         let rows = {
-            self.drawing =
-                Drawing::open(self, inputs.maps.len()).inspect_err(|_| self.bar.finish_and_clear())?;
+            self.drawing = Drawing::open(self, inputs.maps.len()).inspect_err(|_| self.progress.finish())?;
             rows + self.drawing.as_ref().map_or(0, |drawing| drawing.rows(inputs.maps.len()))
         };
         #[cfg(not(feature = "render"))]
@@ -69,7 +68,7 @@ impl<'a> Report<'a> {
             self.document.pictures_skipped =
                 Some("this program was built without its renderer (feature `render`).".to_owned());
         }
-        self.bar.set_length(rows as u64);
+        self.progress.set_length(rows as u64);
         Ok(Some(inputs))
     }
 
@@ -78,10 +77,10 @@ impl<'a> Report<'a> {
         let mut rows = Vec::new();
         for (done, map) in (1..).zip(&inputs.maps) {
             let origin = self.origin_of_map(map);
-            self.bar.set_message(format!("map {}", origin.name));
-            let (counts, shutdown, bar) = (&self.document.lights, self.shutdown, &self.bar);
+            self.progress.set_message(format!("map {}", origin.name));
+            let (counts, shutdown, progress) = (&self.document.lights, self.shutdown, &self.progress);
             let goes_on = || {
-                bar.inc(1);
+                progress.inc(1);
                 !shutdown.is_requested()
             };
             let Some((table, of_map)) = tables::of_map(origin, map.for_lights(), counts, goes_on)? else {
@@ -115,14 +114,15 @@ impl<'a> Report<'a> {
     /// The table of a sequence; its rows beside published figures, where it has these, are added to `published`.
     fn sequence(&mut self, moving: &mut Moving, published: &mut Vec<sequence_table::Row>) -> Result<bool> {
         let name = moving.name();
-        self.bar.set_message(format!("reading {name}"));
+        self.progress.set_message(format!("reading {name}"));
         let Some(sequence) = moving.read(self.arguments, self.shutdown)? else { return Ok(false) };
-        self.bar.set_message(format!("sequence {name}"));
+        self.progress.set_message(format!("sequence {name}"));
         let origin = Origin { name, command: of_sequence(self.arguments, moving) };
-        let (shutdown, bar) = (self.shutdown, &self.bar);
+        let (shutdown, progress) = (self.shutdown, &self.progress);
         let goes_on = || !shutdown.is_requested();
         let counts = &self.document.lights;
-        let Some((table, known)) = tables::of_sequence(origin, &sequence, counts, &goes_on, || bar.inc(1))?
+        let Some((table, known)) =
+            tables::of_sequence(origin, &sequence, counts, &goes_on, || progress.inc(1))?
         else {
             return Ok(false);
         };
@@ -130,7 +130,7 @@ impl<'a> Report<'a> {
             return Ok(false);
         }
         if let Moving::Made(Made { name, path, .. }) = moving
-            && sequence_table::is_published(name, &stem(path))
+            && is_published(name, &stem(path))
         {
             let Some(rows) = sequence_table::rows(name, &sequence, &known, &goes_on)? else {
                 return Ok(false);
@@ -146,7 +146,7 @@ impl<'a> Report<'a> {
         self.show(&lines)?;
         let names: Vec<String> = maps.iter().filter_map(|map| map.path.as_deref().map(stem)).collect();
         let lines = stills::mean_lines(rows);
-        if stills::are_published(&names) && lines.len() > 1 {
+        if are_published(&names) && lines.len() > 1 {
             let title = "Single maps beside published figures".to_owned();
             self.show(&lines)?;
             let command = of_maps(self.arguments, maps.iter());
@@ -162,7 +162,7 @@ impl<'a> Report<'a> {
         if let Some(made) = made.filter(|_| !rows.is_empty()) {
             let lines = sequence_table::lines(rows);
             self.show(&lines)?;
-            let title = format!("Sequences beside published figures, {} lights", sequence::LIGHTS);
+            let title = format!("Sequences beside published figures, {} lights", LIGHTS);
             let command = of_sequence(self.arguments, made);
             self.document.texts.push(Text { title, command, lines });
             self.save()?;
@@ -173,7 +173,7 @@ impl<'a> Report<'a> {
     /// On the page only: they do not depend on the inputs and have an option of their own.
     fn hard_cases(&mut self) -> Result<bool> {
         if !self.arguments.tables {
-            self.bar.set_message("hard cases");
+            self.progress.set_message("hard cases");
             self.document.stability = stability::measure(|| !self.shutdown.is_requested())?;
             self.save()?;
         }
@@ -187,7 +187,7 @@ impl<'a> Report<'a> {
     /// Shows a table's lines and keeps it; whether to go on.
     pub fn add(&mut self, lines: Vec<String>, keep: impl FnOnce(&mut Document)) -> Result<bool> {
         self.show(&lines)?;
-        tracing::info!("{}: measured", self.bar.message());
+        tracing::info!("{}: measured", self.progress.message());
         keep(&mut self.document);
         self.save()?;
         Ok(self.goes_on())
@@ -215,7 +215,7 @@ impl<'a> Report<'a> {
 
     /// Says what was found, and where the page is.
     pub fn finish(&mut self, is_complete: bool) -> Result<()> {
-        self.bar.finish_and_clear();
+        self.progress.finish();
         self.document.is_complete = is_complete;
         let document = &self.document;
         if !document.is_complete && self.is_read {

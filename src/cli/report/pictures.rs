@@ -4,12 +4,12 @@ use super::Arguments;
 use super::command::of_maps;
 use super::inputs::Map;
 use super::making::Report;
+use crate::compare::still_methods::METHODS;
 use crate::error::Result;
 use crate::gpu::{Backend, Gpu};
 use crate::report::frame_time::{heading, is_in_software};
 use crate::report::picture_tables::{self, MOST_LIGHTS, SHAPE, SIZE, of_map, options};
 use crate::report::pictures::Pictures;
-use crate::report::stills::METHODS;
 use crate::report::table::Table;
 use crate::report::tables::{self, Origin};
 use crate::scene::Scene;
@@ -72,19 +72,24 @@ impl Drawing {
     pub fn measure(mut self, report: &mut Report, maps: &[Map]) -> Result<bool> {
         for (done, map) in (1..).zip(maps) {
             let Origin { name, command } = report.origin_of_map(map);
-            report.bar.set_message(format!("pictures under {name}"));
+            report.progress.set_message(format!("pictures under {name}"));
             let origin = Origin { name, command: with_pictures(&command) };
-            let (shutdown, bar) = (report.shutdown, &report.bar);
+            let (shutdown, progress) = (report.shutdown, &report.progress);
             let goes_on = || !shutdown.is_requested();
             let (pictures, pixels) = (&mut self.pictures, map.for_pictures());
-            let Some(mut table) = of_map(origin, pictures, pixels, &self.counts, goes_on, || bar.inc(1))?
+            let Some(mut table) =
+                of_map(origin, pictures, pixels, &self.counts, goes_on, || progress.inc(1))?
             else {
                 return Ok(false);
             };
             table.notes = format!(
                 "The built-in scene in {} x {} pixels, maps of {} x {}, at most {MOST_LIGHTS} lights; drawn by {}. The time is \
                  that of the lights, not of the picture.",
-                SIZE[0], SIZE[1], SHAPE.columns, SHAPE.rows, self.adapter
+                SIZE[0],
+                SIZE[1],
+                SHAPE.columns(),
+                SHAPE.rows(),
+                self.adapter
             );
             let command = with_pictures(&of_maps(report.arguments, maps[..done].iter()));
             if !report.add(table.lines(), |document| document.add_pictures(table, command))? {

@@ -1,9 +1,9 @@
 //! The files of a scene: what they may refer to, how much of them is read, and what becomes of a reader's panic.
 
 use crate::error::{Error, Result};
+use crate::rt;
 use std::fs::File;
 use std::io::Read;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path, PathBuf};
 
 /// Bytes that a scene's files have together at most.
@@ -60,14 +60,8 @@ impl Files {
 /// Runs a reader; its panic becomes an error. `gltf` 1.4, `tobj` 4.0 and the decoders of `image` 0.25 index and
 /// unwrap what damaged files say. Nothing of theirs outlives the call.
 pub(super) fn contained<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
-    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
-        let cause = panic
-            .downcast_ref::<&str>()
-            .map(ToString::to_string)
-            .or_else(|| panic.downcast_ref::<String>().cloned())
-            .unwrap_or_default();
-        Err(Error::usage(format!("is damaged: its reader gave up with `{cause}`")))
-    })
+    rt::contained(read)
+        .unwrap_or_else(|cause| Err(Error::usage(format!("is damaged: its reader gave up with `{cause}`"))))
 }
 
 /// The beginning of a text from a file, for messages.

@@ -1,8 +1,8 @@
 //! Flat emitters with a soft edge: the sun's disc and lamps.
 
 use crate::error::{Error, Place, Result};
-use crate::math::direction;
 use glam::DVec3;
+use lightcast_core::math::direction;
 
 /// Outline of an emitter in its own plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,7 +127,7 @@ pub(super) fn check_radiance(key: &str, rgb: [f64; 3]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::angle_between;
+    use lightcast_core::math::angle_between;
 
     /// Midpoint sum of `profile` over a plane at the emitter, in its own coordinates.
     fn summed_area(emitter: &Emitter) -> f64 {

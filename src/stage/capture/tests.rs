@@ -1,9 +1,9 @@
 //! The state machine under a scripted camera and a simulated clock: every transition, every counter.
 
 use super::*;
-use crate::image::Stamp;
 use crate::source::Mark;
 use crossbeam_channel::{Sender, bounded};
+use lightcast_core::image::Stamp;
 use std::collections::VecDeque;
 
 /// What the scripted camera does next; times in milliseconds of the simulated clock.
@@ -273,7 +273,7 @@ fn a_request_to_end_interrupts_the_wait_for_a_lost_camera() {
         shutdown.request();
         assert_eq!(waiting.join().unwrap().unwrap(), Flow::End);
     });
-    assert_eq!(stage.attempts, 1, "it waited for the second");
+    assert_eq!(stage.attempts.attempts(), 1, "it waited for the second");
 }
 
 #[test]

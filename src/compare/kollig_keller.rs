@@ -1,0 +1,110 @@
+//! Lloyd's relaxation with a growing number of points: Kollig and Keller, *Efficient Illumination by High Dynamic Range
+//! Images*, Eurographics Symposium on Rendering 2003.
+//!
+//! The paper's: a quadrature rule with one node for each Voronoi cell of the sphere, whose weight is the map's integral
+//! over the cell; the nodes are relaxed, each to its cell's centre of mass, the map's radiance being the mass; the set
+//! begins with one node and grows, a new node beside that of the cell with the highest total intensity, so that the
+//! relaxation does not end in a poor local minimum and the intensities become much alike.
+//!
+//! Chosen here: as soon as there are 16 nodes an eighth of them is added at once, beside those of the brightest cells,
+//! where the paper adds one, so that the time grows with the number of lights by little more than a pass over the map
+//! does; eight steps of relaxation after every growth and eight more at the end; a new node stands half of its cell's
+//! spread away from the old one, the directions turned by the golden angle. A cell of a single lit pixel is not split,
+//! and nodes whose cells are dark are put beside bright ones.
+
+use crate::light::{Light, Voronoi};
+use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape};
+use std::f64::consts::PI;
+
+/// Nodes for one that is added at once.
+const NODES_PER_NEW_ONE: usize = 8;
+const STEPS_PER_GROWTH: usize = 8;
+const STEPS_AT_THE_END: usize = 8;
+/// Growths in a row that may leave dark cells dark: a new node beside one of two lamps may see neither, where a third of
+/// a turn further it would have had one of them.
+const VAIN_GROWTHS: usize = 4;
+
+/// Writes as many lights as there are `sites`. Their sum is the RGB power of the map.
+///
+/// The sites become the lights' directions; what they are before is of no consequence except where no cell can be split
+/// any more, as on a map without light: then those that are still unused stay where they are.
+pub(super) fn kollig_keller(
+    map: &PolarMap,
+    voronoi: &mut Voronoi,
+    sites: &mut [[f32; 3]],
+    lights: &mut Vec<Light>,
+) {
+    // One site has all pixels; its own direction matters only to a dark map.
+    let (mut used, mut in_vain) = (1, 0);
+    relax(voronoi, map, &mut sites[..used], lights);
+    while used < sites.len() || lights.iter().any(is_dark) {
+        let Some(grown) = grow(map.shape, sites, used, in_vain, lights) else {
+            used = sites.len();
+            break;
+        };
+        let dark = lights.iter().filter(|light| is_dark(light)).count();
+        for _ in 0..STEPS_PER_GROWTH {
+            relax(voronoi, map, &mut sites[..grown], lights);
+        }
+        let still_dark = lights.iter().filter(|light| is_dark(light)).count();
+        in_vain = if grown > used || still_dark < dark { 0 } else { in_vain + 1 };
+        used = grown;
+        if in_vain == VAIN_GROWTHS {
+            used = sites.len();
+            break;
+        }
+    }
+    for _ in 0..STEPS_AT_THE_END {
+        relax(voronoi, map, &mut sites[..used], lights);
+    }
+}
+
+/// One step of Lloyd's: the lights of the cells about the sites, to whose directions these move.
+fn relax(voronoi: &mut Voronoi, map: &PolarMap, sites: &mut [[f32; 3]], lights: &mut Vec<Light>) {
+    voronoi.refine(map, sites, lights);
+    for (site, light) in sites.iter_mut().zip(lights) {
+        *site = light.direction;
+    }
+}
+
+fn is_dark(light: &Light) -> bool {
+    light.luminance() == 0.0
+}
+
+/// Puts new sites, and those of dark cells, beside the sites of the cells with the highest power, and gives the number
+/// that is in use then; `None` where no cell can be split. The new ones stand by the golden angle further round than
+/// those of a growth that was in vain once less.
+fn grow(
+    shape: PolarShape,
+    sites: &mut [[f32; 3]],
+    used: usize,
+    in_vain: usize,
+    lights: &[Light],
+) -> Option<usize> {
+    let dark = lights.iter().enumerate().filter(|(_, light)| is_dark(light));
+    let dark: Vec<usize> = dark.map(|(index, _)| index).collect();
+    // Light of one direction has a spread of 0, exactly.
+    let mut bright: Vec<&Light> =
+        lights.iter().filter(|light| !is_dark(light) && light.spread_rad > 0.0).collect();
+    bright.sort_by(|a, b| b.luminance().total_cmp(&a.luminance()));
+    bright.truncate(dark.len() + (used / NODES_PER_NEW_ONE).max(1));
+    // Nearer than to the next pixel a new site would find nothing.
+    let least_rad = 0.5 * shape.theta_max_rad() / shape.rows() as f64;
+    let mut grown = None;
+    let mut places = dark.into_iter().chain(used..sites.len());
+    for light in bright {
+        let Some(place) = places.next() else { break };
+        let about = DVec3::from(light.direction.map(f64::from));
+        let (east, north) = about.any_orthonormal_pair();
+        let (sin, cos) = ((used + place + in_vain) as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();
+        let away_rad = (0.5 * f64::from(light.spread_rad)).max(least_rad);
+        let site = about * away_rad.cos() + (east * cos + north * sin) * away_rad.sin();
+        sites[place] = site.as_vec3().normalize_or(glam::Vec3::Y).to_array();
+        grown = Some(grown.unwrap_or(used).max(place + 1));
+    }
+    grown
+}
+
+#[cfg(test)]
+mod tests;
