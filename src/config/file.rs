@@ -105,7 +105,7 @@ impl CameraKeys {
             response: response
                 .map(Response::new)
                 .transpose()
-                .map_err(|error| error.at(Place::key("response")))?,
+                .map_err(|error| Error::from(error).at(Place::key("response")))?,
             world_from_camera,
             rec709_from_sensor,
         })

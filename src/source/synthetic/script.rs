@@ -330,8 +330,8 @@ impl Fisheye {
             k: self.k,
             field_of_view_rad: 2.0 * theta_max_rad,
         })?;
-        let response =
-            Response::new(self.response.clone()).map_err(|error| error.at(Place::key("response")))?;
+        let response = Response::new(self.response.clone())
+            .map_err(|error| Error::from(error).at(Place::key("response")))?;
         let world_from_camera = match self.world_from_camera {
             None => LOOKING_UP,
             Some(rows) => {
