@@ -111,7 +111,10 @@ impl From<lightcast_core::error::Error> for Error {
             lightcast_core::error::Kind::BadFrame => Kind::BadFrame,
             lightcast_core::error::Kind::Usage => Kind::Usage,
         };
-        Self::new(kind, error.to_string())
+        let places = error
+            .option()
+            .map(|option| Place::Key { name: option.to_owned(), value: error.value().map(str::to_owned) });
+        Self { places: places.into_iter().collect(), ..Self::new(kind, error.message().to_owned()) }
     }
 }
 
@@ -157,6 +160,14 @@ mod tests {
         let places = [Place::Frame(3), Place::File("a.exr".into()), Place::Byte(17)];
         assert!(error.places().eq(&places), "{:?}", error.places);
         assert_eq!(error.key(), None);
+    }
+
+    #[test]
+    fn an_option_of_the_core_is_a_key() {
+        use lightcast_core::light::Options;
+        let error = Error::from(Options { count: 0, ..Options::default() }.check().unwrap_err());
+        assert_eq!((error.kind(), error.key()), (Kind::Usage, Some("count")));
+        assert!(error.to_string().starts_with("count = 0: give 1 to "), "{error}");
     }
 
     #[test]

@@ -2,10 +2,10 @@ use super::panorama::{map_shape, read_panorama};
 use super::resolution::Resolution;
 use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::{Error, Result};
-use crate::light::error::ListError;
-use crate::light::{self, LightList};
 use crate::wire::write_list_line;
 use clap::ValueEnum;
+use lightcast_core::light::error::ListError;
+use lightcast_core::light::{self, LightList};
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 

@@ -8,7 +8,7 @@
 //! arrived it stands still until a median leaves a band about the target.
 
 use crate::error::{Error, Result};
-use crate::light::MAX_LIGHTS;
+use lightcast_core::light::MAX_LIGHTS;
 use serde::Deserialize;
 
 /// Frames whose median shows overload: four slow ones of seven are no accident, an eighth of a second at 60 Hz no wait.

@@ -10,9 +10,9 @@ use super::test_scenes::*;
 use super::{Options, Renderer};
 use crate::files::write_png8;
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::scene::{Material, Scene, Shading};
 use glam::Vec3;
+use lightcast_core::light::Light;
 use std::path::Path;
 
 const SIZE: [u32; 2] = [96, 72];

@@ -4,9 +4,9 @@ use super::test_scenes::*;
 use super::{Options, Renderer};
 use crate::error::Kind;
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::scene::{Camera, Material, Scene, Shading, Transform};
 use glam::{Mat4, Quat, Vec3};
+use lightcast_core::light::Light;
 
 const SMALL: Options = Options {
     width_px: 64,

@@ -3,8 +3,8 @@
 
 use super::Options;
 use super::tiles::Tiles;
-use crate::light::{Light, Prefixes, cluster};
 use bytemuck::{Pod, Zeroable};
+use lightcast_core::light::{Light, Prefixes, cluster};
 
 /// A light as shaders read it.
 #[repr(C)]

@@ -84,11 +84,11 @@ impl Options {
                 limits.max_storage_buffer_binding_size / 16
             )));
         }
-        if !(1..=crate::light::MAX_LIGHTS).contains(&self.lights) {
+        if !(1..=lightcast_core::light::MAX_LIGHTS).contains(&self.lights) {
             return Err(Error::usage(format!(
                 "{} lights; give 1 to {}",
                 self.lights,
-                crate::light::MAX_LIGHTS
+                lightcast_core::light::MAX_LIGHTS
             )));
         }
         if self.shadow_maps > MAX_SHADOW_MAPS || !(8..=most_px).contains(&self.shadow_map_px) {

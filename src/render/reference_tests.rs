@@ -3,8 +3,8 @@
 use super::test_scenes::*;
 use super::{Options, Renderer};
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::scene::Material;
+use lightcast_core::light::Light;
 
 const SMALL: Options = Options {
     width_px: 64,

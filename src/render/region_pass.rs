@@ -2,8 +2,8 @@
 
 use super::lights::GpuLight;
 use crate::gpu::{Array, Gpu, Timer};
-use crate::light::Regions;
 use bytemuck::{Pod, Zeroable};
+use lightcast_core::light::Regions;
 
 pub(super) const SHADER: &str = include_str!("../../shaders/regions.wgsl");
 

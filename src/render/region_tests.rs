@@ -4,7 +4,7 @@ use super::lights::GpuLight;
 use super::region_pass::{Assignment, HEAD_WORDS, RegionPass, RegionSet};
 use super::test_scenes::sky;
 use crate::gpu::{Array, Gpu, Timer, read_buffer};
-use crate::light::{Light, RegionLists, Regions};
+use lightcast_core::light::{Light, RegionLists, Regions};
 
 /// Lists of the device for lights that stand behind `before` others, in words behind `first_word` others.
 fn lists_of_device(

@@ -11,10 +11,10 @@ use super::surface::{CameraUniform, SurfacePass};
 use super::tone::TonePass;
 use crate::error::Result;
 use crate::gpu::{Gpu, Timer};
-use crate::light::{Light, Regions};
 use crate::scene::{Camera, Scene};
 use bindings::{BindGroups, Buffers};
 use glam::Mat4;
+use lightcast_core::light::{Light, Regions};
 use view::{clip_from_eye, pixel_offset};
 
 pub use output::LightCounts;

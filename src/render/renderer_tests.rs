@@ -1,9 +1,9 @@
 use super::test_scenes::*;
 use super::{Options, Renderer};
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::scene::{Camera, Material, Scene, Shading};
 use glam::{Quat, Vec3};
+use lightcast_core::light::Light;
 
 const SMALL: Options = Options {
     width_px: 160,

@@ -181,7 +181,7 @@ fn a_light_without_a_map_borrows_that_of_its_neighbour() {
     let mut renderer = Renderer::new(gpu, sphere_on_ground(Material::lambert([0.8; 3])), &HARD).unwrap();
     let strong = light(0, Vec3::new(0.6, 0.7, 0.2), 3.0);
     let weak = light(1, Vec3::new(0.4, 0.8, 0.3), 1.0);
-    let mut draw = |lights: &[crate::light::Light]| {
+    let mut draw = |lights: &[lightcast_core::light::Light]| {
         renderer.draw(lights, &camera(), 1).unwrap();
         renderer.read_back()
     };
@@ -190,7 +190,7 @@ fn a_light_without_a_map_borrows_that_of_its_neighbour() {
     for index in 0..SIZE[0] * SIZE[1] {
         let pixel = UVec2::new(index % SIZE[0], index / SIZE[0]);
         let s = both.surface(pixel);
-        let open = |light: &crate::light::Light| {
+        let open = |light: &lightcast_core::light::Light| {
             let direction = Vec3::from(light.direction);
             let (n_l, face_l) = (s.normal.dot(direction), s.face.dot(direction));
             if n_l <= 0.0 || face_l <= 0.0 {

@@ -3,9 +3,9 @@
 use super::test_scenes::*;
 use super::{Options, Renderer};
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::scene::{Camera, Material};
 use glam::{UVec2, Vec3};
+use lightcast_core::light::Light;
 
 const SIZE: [u32; 2] = [128, 96];
 

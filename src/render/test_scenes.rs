@@ -1,8 +1,8 @@
 //! Scenes and lights for the tests of this room.
 
-use crate::light::Light;
 use crate::scene::{Bounds, Camera, Instance, Material, Mesh, Node, Scene, Shading, Transform, Vertex};
 use glam::Vec3;
+use lightcast_core::light::Light;
 
 /// A sphere of radius 1 about the origin, its normals exact.
 pub(super) fn sphere(segments: u32, material: usize) -> Mesh {

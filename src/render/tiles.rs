@@ -1,5 +1,5 @@
-use crate::light::Light;
 use glam::Vec3;
+use lightcast_core::light::Light;
 
 /// How much brighter a light must be than one that has a shadow map to take it over: lights of nearly the same power
 /// would else take it from each other in every frame.

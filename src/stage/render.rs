@@ -1,12 +1,12 @@
 use crate::error::Result;
 use crate::files::{write_exr, write_png8};
-use crate::light::LightList;
 use crate::render::Renderer;
 use crate::rt::fan_out::Every;
 use crate::rt::link::Copied;
 use crate::rt::stage::{Flow, Stage};
 use crate::scene::Camera;
 use lightcast_core::image::{Frame, Pixels};
+use lightcast_core::light::LightList;
 use std::path::{Path, PathBuf};
 
 /// Renders lists into picture files that are numbered as the lists.

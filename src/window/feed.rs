@@ -1,7 +1,7 @@
-use crate::light::{Light, LightList};
 use crate::rt::Metrics;
 use crate::rt::link::Receiver;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::{Light, LightList};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

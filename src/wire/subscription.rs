@@ -1,6 +1,6 @@
 use super::DEMAND_MAX_BYTES;
 use crate::error::{Error, Result};
-use crate::light::{LightList, MAX_LIGHTS};
+use lightcast_core::light::{LightList, MAX_LIGHTS};
 use serde::{Deserialize, Serialize};
 
 /// Most lists that wait for a client.
@@ -98,7 +98,7 @@ fn short(length: usize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::Light;
+    use lightcast_core::light::Light;
 
     fn message(keys: &str) -> Result<Subscription> {
         Subscription::from_message(format!("{{\"subscribe\":{{{keys}}}}}").as_bytes())

@@ -5,7 +5,6 @@ use super::{Arguments, Shown, camera, no_reference, numbered, renderer, samples,
 use crate::cli::progress::Progress;
 use crate::cli::signals::SignalWatch;
 use crate::error::Result;
-use crate::light::LightList;
 use crate::net::{Client, ClientOptions};
 use crate::rt::link::{self, Sender};
 use crate::rt::stage::{self as stages, Nowhere};
@@ -13,6 +12,7 @@ use crate::rt::{Clock, Metrics, Shutdown};
 use crate::service::Summary;
 use crate::stage::PictureWriter;
 use crate::wire;
+use lightcast_core::light::LightList;
 use std::ffi::{OsStr, OsString};
 use std::io::{self, Write as _};
 use std::time::Duration;
