@@ -16,6 +16,7 @@ mod node;
 mod normals;
 mod pose;
 mod read;
+mod roles;
 mod texture;
 mod whole;
 
@@ -26,5 +27,6 @@ pub use material::{GREY, Material, Shading};
 pub use mesh::{Mesh, Vertex};
 pub use node::{Instance, Node, Transform};
 pub use read::{MAX_BYTES, MAX_COORDINATE, MAX_TRIANGLES, MAX_VERTICES};
+pub use roles::Roles;
 pub use texture::{MAX_TEXTURE_PIXELS, MAX_TEXTURE_SIDE_PX, Texture, Wrap};
 pub use whole::Scene;

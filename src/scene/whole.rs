@@ -1,4 +1,4 @@
-use super::{Bounds, Camera, Channel, Instance, Material, Mesh, Node, Texture, Transform};
+use super::{Bounds, Camera, Channel, Instance, Material, Mesh, Node, Roles, Texture, Transform};
 use glam::Mat4;
 
 /// Meshes where they stand, what they are made of and how they move. Plain lists that refer to each other by index.
@@ -14,6 +14,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// The tree of frames, parents before their children.
     pub nodes: Vec<Node>,
+    /// Names of the nodes, in their order; empty where a node has none, and shorter where no more nodes have one.
+    pub node_names: Vec<String>,
     /// Where the meshes stand.
     pub instances: Vec<Instance>,
     /// How nodes move, in the order of their nodes. All animations of a file play together, each over and over.
@@ -32,8 +34,7 @@ impl Scene {
         textures: Vec<Texture>,
         notes: Vec<String>,
     ) -> Self {
-        let instances =
-            (0..meshes.len()).map(|mesh| Instance { mesh, node: 0, casts_shadow: true }).collect();
+        let instances = (0..meshes.len()).map(|mesh| Instance { mesh, node: 0, roles: Roles::ALL }).collect();
         let nodes = vec![Node { parent: None, transform: Transform::IDENTITY }];
         Self { meshes, materials, textures, nodes, instances, notes, ..Self::default() }
     }
@@ -45,7 +46,7 @@ impl Scene {
 
     /// Box around the instances that cast shadows, posed by `world_from_mesh`.
     pub fn caster_bounds(&self, world_from_mesh: &[Mat4]) -> Bounds {
-        self.bounds_where(world_from_mesh, |instance| instance.casts_shadow)
+        self.bounds_where(world_from_mesh, |instance| instance.roles.casts)
     }
 
     fn bounds_where(&self, world_from_mesh: &[Mat4], is_meant: impl Fn(&Instance) -> bool) -> Bounds {

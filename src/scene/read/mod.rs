@@ -11,11 +11,13 @@ mod ply;
 
 pub use budget::{MAX_TRIANGLES, MAX_VERTICES};
 pub use files::MAX_BYTES;
+pub(super) use files::short;
 
 use super::Scene;
 use crate::error::{Error, Result};
 use files::{Files, contained};
 use glam::Mat4;
+use lightcast_core::math;
 use std::path::Path;
 
 /// Largest coordinate, in the world at time 0: its square, and that of its square, still are f32.
@@ -88,21 +90,7 @@ fn check_whole(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// Linear value of an sRGB value in [0, 1] (IEC 61966-2-1); what lies outside is cut off.
-pub(super) fn linear_from_srgb(value: f32) -> f32 {
-    let value = value.clamp(0.0, 1.0);
-    if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn srgb_values_follow_the_standard() {
-        assert_eq!((linear_from_srgb(0.0), linear_from_srgb(1.0), linear_from_srgb(7.0)), (0.0, 1.0, 1.0));
-        // Both pieces meet; 0.5 is 0.21404 (computed with 20 digits).
-        assert!((linear_from_srgb(0.040_45) - linear_from_srgb(0.040_450_1)).abs() < 1e-6);
-        assert!((linear_from_srgb(0.5) - 0.214_041_14).abs() < 1e-6);
-    }
+/// Linear value of an sRGB value of a file; what lies outside [0, 1] is cut off.
+fn linear_from_srgb(value: f32) -> f32 {
+    math::linear_from_srgb(value.clamp(0.0, 1.0))
 }
