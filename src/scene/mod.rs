@@ -12,6 +12,7 @@ mod built_in_tests;
 mod camera;
 mod material;
 mod mesh;
+mod named_nodes;
 mod node;
 mod normals;
 mod pose;

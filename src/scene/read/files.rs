@@ -65,7 +65,7 @@ pub(super) fn contained<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
 }
 
 /// The beginning of a text from a file, for messages.
-pub(super) fn short(text: &str) -> String {
+pub(in crate::scene) fn short(text: &str) -> String {
     let mut beginning: String = text.chars().take(80).map(|c| if c.is_control() { ' ' } else { c }).collect();
     if text.chars().nth(80).is_some() {
         beginning.push_str("...");
