@@ -1,8 +1,10 @@
-//! The one error type: a [`Kind`] for the machine that decides what to do next, and a sentence with a
-//! position (file, frame, line, byte) for the person who reads it.
+//! The one error type: a [`Kind`] for the machine that decides what to do next, where the fault stands as data
+//! ([`Place`]), and a sentence for the person who reads both.
 
+mod place;
 mod toml_text;
 
+pub use place::Place;
 pub use toml_text::TomlText;
 
 use std::fmt;
@@ -23,32 +25,38 @@ pub enum Kind {
     Failed,
 }
 
-/// An error: what went wrong, where, and what to do, in one sentence.
+/// An error: what went wrong, where, and what to do. It reads as one sentence, `PLACE: PLACE: MESSAGE: CAUSE`.
 pub struct Error {
     kind: Kind,
+    /// The innermost first.
+    places: Vec<Place>,
     message: String,
     source: Option<Box<dyn std::error::Error + Send + Sync>>,
 }
 
 impl Error {
-    /// A frame that cannot be used; `message` names file and frame.
+    /// A frame that cannot be used.
     pub fn bad_frame(message: impl Into<String>) -> Self {
-        Self { kind: Kind::BadFrame, message: message.into(), source: None }
+        Self::new(Kind::BadFrame, message.into())
     }
 
-    /// A device that does not answer or has gone; `message` names it.
+    /// A device that does not answer or has gone.
     pub fn lost_device(message: impl Into<String>) -> Self {
-        Self { kind: Kind::LostDevice, message: message.into(), source: None }
+        Self::new(Kind::LostDevice, message.into())
     }
 
-    /// A mistake in a command line, configuration or calibration; `message` names file, line or key.
+    /// A mistake in a command line, configuration or calibration.
     pub fn usage(message: impl Into<String>) -> Self {
-        Self { kind: Kind::Usage, message: message.into(), source: None }
+        Self::new(Kind::Usage, message.into())
     }
 
     /// Anything that stops the program.
     pub fn failed(message: impl Into<String>) -> Self {
-        Self { kind: Kind::Failed, message: message.into(), source: None }
+        Self::new(Kind::Failed, message.into())
+    }
+
+    fn new(kind: Kind, message: String) -> Self {
+        Self { kind, places: Vec::new(), message, source: None }
     }
 
     /// Adds the error that caused this one; it is printed after the message.
@@ -58,10 +66,16 @@ impl Error {
         self
     }
 
-    /// Puts a position or a circumstance in front of the message, as in `frame 17: ...`.
+    /// Says where: puts a place in front of what is said so far, as in `frame 17: ...`. A key about a key makes one path
+    /// of both, as in `sky.sun.radiance: ...`.
     #[must_use]
-    pub fn at(mut self, place: impl fmt::Display) -> Self {
-        self.message = format!("{place}: {}", self.message);
+    pub fn at(mut self, place: impl Into<Place>) -> Self {
+        match (place.into(), self.places.last_mut()) {
+            (Place::Key { name: table, value: None }, Some(Place::Key { name, .. })) => {
+                *name = format!("{table}.{name}");
+            }
+            (place, _) => self.places.push(place),
+        }
         self
     }
 
@@ -76,6 +90,19 @@ impl Error {
     pub fn kind(&self) -> Kind {
         self.kind
     }
+
+    /// Where the fault stands, from the outermost place (most often a file) inwards.
+    pub fn places(&self) -> impl Iterator<Item = &Place> {
+        self.places.iter().rev()
+    }
+
+    /// The key that is at fault, as in `sky.sun.path[1].time_s`.
+    pub fn key(&self) -> Option<&str> {
+        self.places().find_map(|place| match place {
+            Place::Key { name, .. } => Some(name.as_str()),
+            _ => None,
+        })
+    }
 }
 
 impl From<lightcast_core::error::Error> for Error {
@@ -84,12 +111,18 @@ impl From<lightcast_core::error::Error> for Error {
             lightcast_core::error::Kind::BadFrame => Kind::BadFrame,
             lightcast_core::error::Kind::Usage => Kind::Usage,
         };
-        Self { kind, message: error.to_string(), source: None }
+        let places = error
+            .option()
+            .map(|option| Place::Key { name: option.to_owned(), value: error.value().map(str::to_owned) });
+        Self { places: places.into_iter().collect(), ..Self::new(kind, error.message().to_owned()) }
     }
 }
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for place in self.places() {
+            write!(f, "{place}: ")?;
+        }
         f.write_str(&self.message)?;
         match &self.source {
             Some(source) => write!(f, ": {source}"),
@@ -113,12 +146,37 @@ impl std::error::Error for Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     #[test]
-    fn message_reads_place_then_fault_then_cause() {
-        let error =
-            Error::bad_frame("cannot be decoded").because("byte 17: bad magic").at("a.exr").at("frame 3");
-        assert_eq!(error.to_string(), "frame 3: a.exr: cannot be decoded: byte 17: bad magic");
+    fn message_reads_places_then_fault_then_cause() {
+        let error = Error::bad_frame("cannot be decoded")
+            .because("bad magic")
+            .at(Place::Byte(17))
+            .at(Path::new("a.exr"))
+            .at(Place::Frame(3));
+        assert_eq!(error.to_string(), "frame 3: a.exr: byte 17: cannot be decoded: bad magic");
         assert_eq!(error.kind(), Kind::BadFrame);
+        let places = [Place::Frame(3), Place::File("a.exr".into()), Place::Byte(17)];
+        assert!(error.places().eq(&places), "{:?}", error.places);
+        assert_eq!(error.key(), None);
+    }
+
+    #[test]
+    fn an_option_of_the_core_is_a_key() {
+        use lightcast_core::light::Options;
+        let error = Error::from(Options { count: 0, ..Options::default() }.check().unwrap_err());
+        assert_eq!((error.kind(), error.key()), (Kind::Usage, Some("count")));
+        assert!(error.to_string().starts_with("count = 0: give 1 to "), "{error}");
+    }
+
+    #[test]
+    fn keys_about_keys_make_a_path() {
+        let error = Error::usage("must be finite").at(Place::value("time_s", f64::NAN));
+        let error = error.at(Place::key("path[1]")).at(Place::key("sky.sun")).at(Place::line(7));
+        assert_eq!(error.to_string(), "line 7: sky.sun.path[1].time_s = NaN: must be finite");
+        assert_eq!(error.key(), Some("sky.sun.path[1].time_s"));
+        let apart = Error::usage("no such file").at("a.exr").at(Place::key("file"));
+        assert_eq!((apart.to_string().as_str(), apart.key()), ("file: a.exr: no such file", Some("file")));
     }
 }

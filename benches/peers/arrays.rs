@@ -1,6 +1,6 @@
 //! Arrays in files: little-endian numbers and nothing else.
 
-use crate::cases::Result;
+use crate::work::Result;
 use std::fs;
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! From raw frames to polar maps and on.
 
 use crate::arrays::{numbers, save};
-use crate::cases::{Result, Work, repeated};
 use crate::distribution::{Distribution, Inversion};
+use crate::work::{Result, Work, repeated};
 use lightcast::calibrate::Calibration;
 use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast_core::image::{Frame, Pixels, PolarMap, PolarShape, luminance};

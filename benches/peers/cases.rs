@@ -4,19 +4,14 @@ use crate::arrays::{numbers, save};
 use crate::camera::Camera;
 use crate::distribution::{Distribution, Inversion, Part, sampling};
 use crate::stream::read as read_words;
+use crate::work::{Result, Work, repeated};
 use lightcast::design::{FilterOptions, low_pass};
 use lightcast::files::{read, write_exr};
 use lightcast_core::image::{Frame, Pixels, PolarShape};
 use lightcast_core::sampling::halton;
 use serde::Deserialize;
-use std::error::Error;
 use std::hint::black_box;
 use std::path::PathBuf;
-
-pub type Result<T> = std::result::Result<T, Box<dyn Error>>;
-
-/// One step of a piece of work.
-pub type Work = Box<dyn FnMut() -> Result<()>>;
 
 /// What can be asked for. Files are read unless it says `Written`.
 #[derive(Deserialize)]
@@ -126,8 +121,4 @@ pub fn prepare(case: Case) -> Result<(Option<usize>, Work)> {
         }
     };
     Ok((None, work))
-}
-
-pub fn repeated<T: 'static>(mut step: impl FnMut() -> Result<T> + 'static) -> Work {
-    Box::new(move || step().map(|result| drop(black_box(result))))
 }

@@ -1,7 +1,7 @@
 //! Both inversions of a hemisphere's distribution.
 
 use crate::arrays::{numbers, save};
-use crate::cases::{Result, Work, repeated};
+use crate::work::{Result, Work, repeated};
 use lightcast_core::image::PolarShape;
 use lightcast_core::sampling::{Bicontinuous, Standard};
 use serde::Deserialize;

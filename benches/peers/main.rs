@@ -13,12 +13,14 @@ mod cases;
 mod distribution;
 #[path = "../steps/stream.rs"]
 mod stream;
+mod work;
 
-use cases::{Case, Work, prepare};
+use cases::{Case, prepare};
 use rustix::time::{ClockId, clock_gettime};
 use serde::Deserialize;
 use std::error::Error;
 use std::io::{BufRead, Write};
+use work::Work;
 
 #[derive(Deserialize)]
 #[serde(untagged)]

@@ -17,7 +17,7 @@
 //! their cx and cy on loading.
 
 use super::{document, kalibr_file, opencv_file};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use lightcast_core::camera::{Lens, LensParameters, Response, ResponseModel};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
@@ -148,7 +148,9 @@ impl Calibration {
                 ));
             }
         }
-        Ok(Self { lens: Lens::new(parameters)?, response: Response::new(response)?, notes })
+        let response =
+            Response::new(response).map_err(|error| Error::from(error).at(Place::key("response")))?;
+        Ok(Self { lens: Lens::new(parameters)?, response, notes })
     }
 
     /// The calibration as our JSON file.

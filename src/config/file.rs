@@ -4,7 +4,7 @@ use super::server::ServerKeys;
 use super::source::SourceKeys;
 use super::{CameraOptions, Config, ProjectionKind};
 use crate::design::FilterOptions;
-use crate::error::{Error, Result, TomlText};
+use crate::error::{Error, Place, Result, TomlText};
 use glam::{DMat3, DVec3};
 use lightcast_core::camera::{ColourMatrix, Response, ResponseModel};
 use lightcast_core::image::PolarShape;
@@ -82,18 +82,19 @@ impl CameraKeys {
         match (projection, &calibration, &kalibr_camera) {
             (ProjectionKind::Fisheye, None, _) => {
                 return Err(Error::usage(
-                    "projection = \"fisheye\": needs the lens in a calibration file; name it with the key `calibration`",
-                ));
+                    "needs the lens in a calibration file; name it with the key `calibration`",
+                )
+                .at(Place::value("projection", "\"fisheye\"")));
             }
             (ProjectionKind::LatLong, Some(_), _) => {
                 return Err(Error::usage(
-                    "calibration = ...: a lat-long panorama has no lens; remove this key or say projection = \"fisheye\"",
-                ));
+                    "a lat-long panorama has no lens; remove this key or say projection = \"fisheye\"",
+                )
+                .at(Place::value("calibration", "...")));
             }
             (ProjectionKind::LatLong, None, Some(_)) => {
-                return Err(Error::usage(
-                    "kalibr_camera = ...: there is no calibration to choose from; remove this key",
-                ));
+                return Err(Error::usage("there is no calibration to choose from; remove this key")
+                    .at(Place::value("kalibr_camera", "...")));
             }
             _ => {}
         }
@@ -101,7 +102,10 @@ impl CameraKeys {
             projection,
             calibration: calibration.map(|file| folder.join(file)),
             kalibr_camera,
-            response: response.map(Response::new).transpose()?,
+            response: response
+                .map(Response::new)
+                .transpose()
+                .map_err(|error| Error::from(error).at(Place::key("response")))?,
             world_from_camera,
             rec709_from_sensor,
         })

@@ -1,7 +1,7 @@
 //! The keys of `[server]`.
 
 use super::Config;
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::net::{ServerOptions, Token};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -34,19 +34,22 @@ impl ServerKeys {
         let default = ServerOptions::default();
         let clients_max = self.clients_max.unwrap_or(default.clients_max);
         if !(1..=CLIENTS_MAX).contains(&clients_max) {
-            return Err(Error::usage(format!("clients_max = {clients_max}: give 1 to {CLIENTS_MAX}")));
+            return Err(
+                Error::usage(format!("give 1 to {CLIENTS_MAX}")).at(Place::value("clients_max", clients_max))
+            );
         }
         let patience_s = self.patience_s.unwrap_or(default.patience.as_secs_f64());
         if !(0.1..=3600.0).contains(&patience_s) {
-            return Err(Error::usage(format!("patience_s = {patience_s}: give 0.1 to 3600 seconds")));
+            return Err(Error::usage("give 0.1 to 3600 seconds").at(Place::value("patience_s", patience_s)));
         }
         let origins = self.origins.unwrap_or_default();
         for origin in &origins {
             let host = origin.strip_prefix("https://").or_else(|| origin.strip_prefix("http://"));
             if host.is_none_or(|host| host.is_empty() || host.contains(['/', '*', ' '])) {
                 return Err(Error::usage(format!(
-                    "origins: \"{origin}\" is no origin, such as \"https://studio.example\" (no path, no pattern)"
-                )));
+                    "\"{origin}\" is no origin, such as \"https://studio.example\" (no path, no pattern)"
+                ))
+                .at(Place::key("origins")));
             }
         }
         Ok(ServerConfig {
@@ -69,7 +72,7 @@ impl Config {
     pub fn server_options(&self) -> Result<ServerOptions> {
         let token = self.server.token_file.as_deref().map(Token::load).transpose();
         Ok(ServerOptions {
-            token: token.map_err(|error| self.locate("server", error))?,
+            token: token.map_err(|error| self.locate("server", error.at(Place::key("token_file"))))?,
             ..self.server.options.clone()
         })
     }

@@ -1,7 +1,7 @@
 //! The keys of `[source]`.
 
 use super::{Links, Pace, Source};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
 use crate::source::{
@@ -85,7 +85,8 @@ impl SourceKeys {
         if let (Some(first), Some(last)) = (first, last)
             && first > last
         {
-            return Err(Error::usage(format!("last = {last}: must not be before first = {first}")));
+            let fault = Error::usage(format!("must not be before first = {first}"));
+            return Err(fault.at(Place::value("last", last)));
         }
         let path = folder.join(needed("path", self.path)?);
         let repeat = self.repeat.unwrap_or(false);
@@ -115,12 +116,11 @@ impl SourceKeys {
         )?;
         let buffers = self.buffers.unwrap_or(V4l2Options::default().buffers);
         if !(2..=BUFFERS_MAX).contains(&buffers) {
-            return Err(Error::usage(format!(
-                "buffers = {buffers}: the driver needs 2 to {BUFFERS_MAX}, one to fill while another is read"
-            )));
+            let fault = format!("the driver needs 2 to {BUFFERS_MAX}, one to fill while another is read");
+            return Err(Error::usage(fault).at(Place::value("buffers", buffers)));
         }
         if self.size.is_some_and(|size| size.contains(&0)) {
-            return Err(Error::usage("size = ...: columns and rows must be above 0"));
+            return Err(Error::usage("columns and rows must be above 0").at(Place::value("size", "...")));
         }
         let options = V4l2Options {
             device: needed("device", self.device)?,
@@ -144,7 +144,8 @@ fn needed<T>(key: &str, value: Option<T>) -> Result<T> {
 fn refuse(kind: &str, keys: &[(&str, bool)]) -> Result<()> {
     match keys.iter().find(|(_, is_there)| *is_there) {
         Some((key, _)) => {
-            Err(Error::usage(format!("{key} = ...: is no key of kind = \"{kind}\"; remove it")))
+            let fault = Error::usage(format!("is no key of kind = \"{kind}\"; remove it"));
+            Err(fault.at(Place::value(*key, "...")))
         }
         None => Ok(()),
     }

@@ -4,7 +4,7 @@
 //! not out of the 21, 7 and 9 Hz of its text. At other frame rates the bands stay and the order is the even number
 //! that keeps the delay nearest to the paper's 4 frames at 25 Hz, 160 ms.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use lightcast_core::temporal::{Directions, Taps};
 use pm_remez::{Band, PMParameters, ParametersBuilder, pm_remez};
 use serde::Deserialize;
@@ -53,15 +53,14 @@ impl FilterOptions {
     pub fn check(&self) -> Result<()> {
         let Self { pass_hz, stop_hz, delay_s, .. } = *self;
         if !(pass_hz.is_finite() && pass_hz > 0.0) {
-            return Err(Error::usage(format!("pass_hz = {pass_hz}: must be a frequency above 0 Hz")));
+            return Err(Error::usage("must be a frequency above 0 Hz").at(Place::value("pass_hz", pass_hz)));
         }
         if !(stop_hz.is_finite() && stop_hz > pass_hz) {
-            return Err(Error::usage(format!(
-                "stop_hz = {stop_hz}: must be a frequency above pass_hz = {pass_hz}"
-            )));
+            return Err(Error::usage(format!("must be a frequency above pass_hz = {pass_hz}"))
+                .at(Place::value("stop_hz", stop_hz)));
         }
         if !(delay_s.is_finite() && delay_s >= 0.0) {
-            return Err(Error::usage(format!("delay_s = {delay_s}: must be a time of at least 0 s")));
+            return Err(Error::usage("must be a time of at least 0 s").at(Place::value("delay_s", delay_s)));
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! Files that people write in TOML, and where in them a fault stands.
 
-use super::{Error, Result};
+use super::{Error, Place, Result};
 use serde::de::DeserializeOwned;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -24,14 +24,13 @@ impl TomlText {
     /// # Errors
     /// Kind `Usage`, naming the file: unreadable, not UTF-8, or above 1 MiB.
     pub fn load(path: &Path) -> Result<Self> {
-        let unreadable =
-            |error: std::io::Error| Error::usage("cannot be read").because(error).at(path.display());
+        let unreadable = |error: std::io::Error| Error::usage("cannot be read").because(error).at(path);
         let mut text = String::new();
         std::fs::File::open(path)
             .and_then(|file| file.take(SIZE_MAX_BYTES + 1).read_to_string(&mut text))
             .map_err(unreadable)?;
         if text.len() as u64 > SIZE_MAX_BYTES {
-            return Err(Error::usage("is larger than 1 MiB: nobody writes that by hand").at(path.display()));
+            return Err(Error::usage("is larger than 1 MiB: nobody writes that by hand").at(path));
         }
         Ok(Self { path: path.to_owned(), text })
     }
@@ -45,37 +44,37 @@ impl TomlText {
             let message = error.message().replace('\n', ", ");
             let fault = match error.span() {
                 Some(span) => {
-                    let line = self.line_of_byte(span.start);
-                    let written = self.text.lines().nth(line - 1).unwrap_or_default().trim();
-                    Error::usage(format!("line {line} (`{written}`): {message}"))
+                    let number = self.line_of_byte(span.start);
+                    let written =
+                        self.text.lines().nth(number as usize - 1).unwrap_or_default().trim().to_owned();
+                    Error::usage(message).at(Place::Line { number, written: Some(written) })
                 }
                 None => Error::usage(message),
             };
-            fault.at(self.path.display())
+            fault.at(&self.path)
         })
     }
 
-    /// Puts file and line in front of an error about a value of `table` (empty: the whole file). Its message begins
-    /// with the key, as in `sun.path[1].time_s must ...`. Where no such key is written, the line is that of the
-    /// innermost table about it, and where there is none either, the table is named instead.
+    /// Says in which file and line an error about a value of `table` (empty: the whole file) stands, by its
+    /// [key](Error::key). Where no such key is written, the line is that of the innermost table about it, and where there
+    /// is none either, the table is named instead.
     pub fn locate(&self, table: &str, error: Error) -> Error {
-        let message = error.to_string();
-        let key = message.split([' ', '=', ':', ',']).next().unwrap_or_default();
+        let key = error.key().unwrap_or_default();
         let steps = table.split('.').chain(key.split(['.', '['])).filter(|step| !step.is_empty());
         let error = match self.line_of_key(steps) {
-            Some(line) => error.at(format_args!("line {line}")),
+            Some(line) => error.at(Place::line(line)),
             None if table.is_empty() => error,
             None => error.at(format_args!("[{table}]")),
         };
-        error.at(self.path.display())
+        error.at(&self.path)
     }
 
-    fn line_of_byte(&self, byte: usize) -> usize {
-        1 + self.text.bytes().take(byte).filter(|byte| *byte == b'\n').count()
+    fn line_of_byte(&self, byte: usize) -> u64 {
+        1 + self.text.bytes().take(byte).filter(|byte| *byte == b'\n').count() as u64
     }
 
     /// Line of a key, or of the innermost table about it that is there.
-    fn line_of_key<'a>(&self, steps: impl Iterator<Item = &'a str>) -> Option<usize> {
+    fn line_of_key<'a>(&self, steps: impl Iterator<Item = &'a str>) -> Option<u64> {
         let root = DeValue::Table(DeTable::parse(&self.text).ok()?.into_inner());
         let (mut value, mut start) = (&root, None);
         for step in steps {
@@ -114,7 +113,7 @@ mod tests {
             ("", "room", ""),
             ("room", "size", "[room]: "),
         ] {
-            let error = text().locate(table, Error::usage(format!("{key} = 4: too much")));
+            let error = text().locate(table, Error::usage("too much").at(Place::value(key, 4)));
             assert_eq!(error.to_string(), format!("a.toml: {place}{key} = 4: too much"));
         }
     }

@@ -30,7 +30,7 @@ use std::path::Path;
 /// of no known kind, of a kind or size that is not read. `frame` is then empty (0 x 0). No content of a file
 /// panics.
 pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
-    guarded(frame, |frame| read_by_kind(path, frame)).map_err(|error| error.at(path.display()))
+    guarded(frame, |frame| read_by_kind(path, frame)).map_err(|error| error.at(path))
 }
 
 fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {

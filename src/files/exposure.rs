@@ -37,8 +37,8 @@ impl ExposureSettings {
 /// # Errors
 /// Of kind [`BadFrame`](crate::error::Kind::BadFrame), naming the file, when it cannot be opened.
 pub fn exposure_settings(path: &Path) -> Result<Option<ExposureSettings>> {
-    let file = File::open(path)
-        .map_err(|error| Error::bad_frame("cannot be opened").because(error).at(path.display()))?;
+    let file =
+        File::open(path).map_err(|error| Error::bad_frame("cannot be opened").because(error).at(path))?;
     // Data that cannot be understood are as good as none: the picture is still a picture.
     let Ok(data) = Reader::new().read_from_container(&mut BufReader::new(file)) else { return Ok(None) };
     let number = |tag: Tag| -> Option<f64> {

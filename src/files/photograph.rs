@@ -32,7 +32,7 @@ pub fn read_grey(path: &Path) -> Result<GreyPicture> {
     read(path, &mut frame)?;
     let Frame { width, height, channels, pixels, .. } = frame;
     let Pixels::Codes(mut codes) = pixels else {
-        return Err(Error::bad_frame("holds radiance; photographs are PNG or JPEG").at(path.display()));
+        return Err(Error::bad_frame("holds radiance; photographs are PNG or JPEG").at(path));
     };
     if channels == 3 {
         // ITU-R BT.601, on coded values.

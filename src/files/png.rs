@@ -64,7 +64,7 @@ fn damaged(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error 
 /// cannot be written.
 pub fn write_png16(path: &Path, frame: &Frame) -> Result<()> {
     let Pixels::Codes(codes) = &frame.pixels else {
-        return Err(Error::failed("holds radiance, which is written as OpenEXR").at(path.display()));
+        return Err(Error::failed("holds radiance, which is written as OpenEXR").at(path));
     };
     let colour = match frame.channels {
         1 => ExtendedColorType::L16,

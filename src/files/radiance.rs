@@ -5,7 +5,7 @@
 //! own tools add: the figures that we compare with were made so, and it is what OpenCV and stb do.
 
 use super::codec::{Attributes, check_size, resize, with_radiance};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use ::image::ImageDecoder;
 use ::image::codecs::hdr::HdrDecoder;
 use lightcast_core::image::Frame;
@@ -54,15 +54,17 @@ fn damaged(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error 
 fn divisors(header: &str) -> Result<[f64; 3]> {
     let mut divisors = [1.0; 3];
     for (index, line) in header.lines().enumerate() {
-        let number = index + 1;
         let Some((key, value)) = line.split_once('=') else { continue };
-        let fault = || Error::bad_frame(format!("line {number}: `{line}` holds no positive number"));
+        let fault = || {
+            Error::bad_frame(format!("`{line}` holds no positive number")).at(Place::line(index as u64 + 1))
+        };
         match key.trim() {
             "FORMAT" if value.trim() != "32-bit_rle_rgbe" => {
                 return Err(Error::bad_frame(format!(
-                    "line {number}: format {} is not read, only 32-bit_rle_rgbe; convert it (`ra_xyze -r`)",
+                    "format {} is not read, only 32-bit_rle_rgbe; convert it (`ra_xyze -r`)",
                     value.trim()
-                )));
+                ))
+                .at(Place::line(index as u64 + 1)));
             }
             "EXPOSURE" => {
                 let exposure = positive(value.trim()).ok_or_else(fault)?;

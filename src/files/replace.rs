@@ -22,7 +22,7 @@ pub fn replace_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Res
     run().map_err(|error| {
         // Best effort: the error that matters is the one that is returned.
         let _ = fs::remove_file(&part);
-        error.at(path.display())
+        error.at(path)
     })
 }
 

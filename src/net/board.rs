@@ -1,4 +1,4 @@
-use super::metrics::Stages;
+use super::stages::Stages;
 use crate::error::Result;
 use crate::rt::{CaptureEpoch, Metrics};
 use crate::wire::{QUEUE_MAX, Subscription, binary, write_list};

@@ -67,7 +67,7 @@ impl ClientOptions {
     }
 
     fn request(&self) -> Result<Request> {
-        let failed = |error| Error::usage("cannot be asked for").because(error).at(&self.uri);
+        let failed = |error| Error::usage("cannot be asked for").because(error).at(self.uri.to_string());
         let query = serde_urlencoded::to_string(self.subscription)
             .map_err(|error| Error::usage("cannot be a query").because(error))?;
         let mut request = format!("{}?{query}", self.uri).into_client_request().map_err(failed)?;
@@ -216,7 +216,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
         let is_for_now = [StatusCode::REQUEST_TIMEOUT, StatusCode::TOO_EARLY, StatusCode::TOO_MANY_REQUESTS];
         if status.is_client_error() && !is_for_now.contains(&status) {
             let error = Error::usage(format!("the server refuses, {status}: {told}"));
-            return End::Failed(error.at(&self.options.uri));
+            return End::Failed(error.at(self.options.uri.to_string()));
         }
         End::Lost(format!("the server answers {status}: {told}"))
     }

@@ -1,27 +1,12 @@
 //! What `/metrics` says, for Prometheus.
 
-use super::server::Shared;
-use crate::rt::Metrics;
+use super::shared::Shared;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeGaugeValue, prometheus_text};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::registry::Registry;
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
-
-/// The stages of the service that posts on a board.
-#[derive(Debug, Default)]
-pub(super) struct Stages(Mutex<Vec<Arc<Metrics>>>);
-
-impl Stages {
-    pub fn replace(&self, stages: Vec<Arc<Metrics>>) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = stages;
-    }
-
-    fn all(&self) -> Vec<Arc<Metrics>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-}
+use std::sync::{Arc, Weak};
 
 /// The text of `/metrics`.
 pub(super) fn text(shared: &Arc<Shared>) -> Result<String, fmt::Error> {

@@ -14,6 +14,8 @@ mod posting;
 mod requests;
 mod server;
 mod session;
+mod shared;
+mod stages;
 mod turn;
 
 pub use board::Board;

@@ -41,9 +41,9 @@ impl Token {
     /// characters, or others than letters, digits and `-._~`, which all places that carry a token let pass.
     pub fn load(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|error| {
-            Error::usage("the file with the token cannot be read").because(error).at(path.display())
+            Error::usage("the file with the token cannot be read").because(error).at(path)
         })?;
-        Self::new(text.lines().next().unwrap_or("").trim()).map_err(|error| error.at(path.display()))
+        Self::new(text.lines().next().unwrap_or("").trim()).map_err(|error| error.at(path))
     }
 
     fn new(text: &str) -> Result<Self> {

@@ -3,13 +3,12 @@
 use super::access::{self, Refusal};
 use super::metrics;
 use super::page;
-use super::server::{Peer, Shared};
 use super::session::Session;
+use super::shared::{EncodedMap, Peer, Shared};
 use crate::error::{Error, Result};
 use crate::files::encode_map_exr;
 use crate::picture::encode_map_png;
 use crate::wire::{self, Subscription};
-use axum::body::Bytes;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{RawQuery, Request, State};
 use axum::http::header::{
@@ -197,16 +196,6 @@ async fn map(
         (THETA_MAX_RAD, theta_max.unwrap_or(HeaderValue::from_static(""))),
     ];
     (headers, encoded.bytes).into_response()
-}
-
-/// A map as a file.
-#[derive(Clone)]
-pub(super) struct EncodedMap {
-    /// How many were on the board before it.
-    number: u64,
-    sequence: u64,
-    theta_max_rad: f64,
-    bytes: Bytes,
 }
 
 async fn metrics(State(shared): State<Arc<Shared>>) -> Response {

@@ -1,8 +1,8 @@
 use super::access::Names;
-use super::requests::{self, EncodedMap};
-use super::{Board, ServerOptions};
+use super::shared::{Peer, Phase, Shared};
+use super::{Board, ServerOptions, requests};
 use crate::error::{Error, Result};
-use crate::rt::{Counter, Metrics, Shutdown, Threads};
+use crate::rt::{Metrics, Shutdown, Threads};
 use axum::Router;
 use hyper::Request;
 use hyper::body::Incoming;
@@ -12,12 +12,11 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use socket2::SockRef;
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::runtime;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
 
 /// Bytes that the kernel keeps for a client that does not take them. More would only be older lists for the
@@ -41,46 +40,6 @@ pub struct Server {
     threads: Option<Threads>,
 }
 
-/// What all connections share.
-pub(super) struct Shared {
-    pub board: Arc<Board>,
-    pub names: Names,
-    pub metrics: Arc<Metrics>,
-    pub counters: Counters,
-    /// The newest map as PNG and as OpenEXR.
-    pub maps: [Arc<tokio::sync::Mutex<Option<EncodedMap>>>; 2],
-    options: RwLock<Arc<ServerOptions>>,
-    clients: AtomicUsize,
-    phase: watch::Sender<Phase>,
-}
-
-/// What sessions have to know of the server.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Phase {
-    /// It serves by the rules of this number.
-    Serving(u64),
-    /// It takes nobody any more.
-    Ending,
-}
-
-/// What the server counts.
-pub(super) struct Counters {
-    pub lists_sent: Counter,
-    pub lists_lost: Counter,
-    pub bytes_sent: Counter,
-    pub refused: Counter,
-    pub bad_messages: Counter,
-    pub floods: Counter,
-    pub silent: Counter,
-}
-
-/// Whose connection a request came over.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Peer(pub SocketAddr);
-
-/// The connection slot of a client; free again when dropped.
-pub(super) struct ConnectionSlot(Arc<Shared>);
-
 impl Server {
     /// Listens on `address`, HOST:PORT (port 0: any), at once.
     ///
@@ -100,17 +59,8 @@ impl Server {
                 "{address} can be reached by other machines, and whoever reaches it gets in: see [server] token_file"
             );
         }
-        let metrics = Metrics::new("serve");
-        let shared = Arc::new(Shared {
-            board: board.clone(),
-            names: Names::new(&asked, address.ip().is_loopback()),
-            counters: Counters::new(&metrics),
-            metrics,
-            maps: Default::default(),
-            options: RwLock::new(Arc::new(options)),
-            clients: AtomicUsize::new(0),
-            phase: watch::Sender::new(Phase::Serving(0)),
-        });
+        let names = Names::new(&asked, address.ip().is_loopback());
+        let shared = Arc::new(Shared::new(board, names, options));
         let runtime = runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
@@ -141,15 +91,7 @@ impl Server {
 
     /// Serves by other rules from now on. Clients that are connected have to connect again if they changed.
     pub fn set_options(&self, options: ServerOptions) {
-        let mut kept = self.shared.options.write().unwrap_or_else(PoisonError::into_inner);
-        if **kept != options {
-            *kept = Arc::new(options);
-            self.shared.phase.send_modify(|phase| {
-                if let Phase::Serving(rules) = phase {
-                    *rules += 1;
-                }
-            });
-        }
+        self.shared.set_options(options);
     }
 
     /// Gives all clients the rest, for two seconds at most, and ends.
@@ -157,7 +99,7 @@ impl Server {
     /// # Errors
     /// When it had failed or panicked before.
     pub fn stop(mut self) -> Result<()> {
-        self.shared.phase.send_replace(Phase::Ending);
+        self.shared.end();
         self.threads.take().map_or(Ok(()), |threads| threads.join(Duration::from_millis(100), || ()))
     }
 }
@@ -165,7 +107,7 @@ impl Server {
 impl Drop for Server {
     fn drop(&mut self) {
         // Its thread is joined after this.
-        self.shared.phase.send_replace(Phase::Ending);
+        self.shared.end();
     }
 }
 
@@ -243,52 +185,4 @@ async fn connection(
     // Whoever sends nonsense or goes away meanwhile is no concern of the server's.
     let _ = timeout(CONNECTION_WITHIN, connection).await;
     drop(permit);
-}
-
-impl Shared {
-    pub fn options(&self) -> Arc<ServerOptions> {
-        self.options.read().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    pub fn phase(&self) -> watch::Receiver<Phase> {
-        self.phase.subscribe()
-    }
-
-    pub fn client_count(&self) -> u64 {
-        self.clients.load(Ordering::Acquire) as u64
-    }
-
-    /// A connection slot for a client, if fewer than `most` are taken.
-    pub fn admit(self: &Arc<Self>, most: usize) -> Option<ConnectionSlot> {
-        self.clients
-            .fetch_update(Ordering::AcqRel, Ordering::Acquire, |count| (count < most).then_some(count + 1))
-            .ok()
-            .map(|_| ConnectionSlot(self.clone()))
-    }
-}
-
-impl std::fmt::Debug for Shared {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.debug_struct("Shared").field("clients", &self.clients).finish_non_exhaustive()
-    }
-}
-
-impl Drop for ConnectionSlot {
-    fn drop(&mut self) {
-        self.0.clients.fetch_sub(1, Ordering::AcqRel);
-    }
-}
-
-impl Counters {
-    fn new(metrics: &Metrics) -> Self {
-        Self {
-            lists_sent: metrics.frames.clone(),
-            lists_lost: metrics.drops.clone(),
-            bytes_sent: metrics.counter("bytes sent"),
-            refused: metrics.counter("requests refused"),
-            bad_messages: metrics.counter("bad messages"),
-            floods: metrics.counter("clients that sent too many messages"),
-            silent: metrics.counter("clients that went silent"),
-        }
-    }
 }

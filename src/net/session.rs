@@ -1,7 +1,7 @@
 //! One client that lists are streamed to.
 
 use super::board::Post;
-use super::server::{Phase, Shared};
+use super::shared::{Phase, Shared};
 use super::turn::Turn;
 use crate::rt::{monotonic_ns, utc_from_monotonic_ns};
 use crate::wire::{Delivery, Subscription, binary, json};

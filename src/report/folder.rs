@@ -15,7 +15,7 @@ const PAGE: &str = "index.html";
 /// When the folder or a file cannot be written.
 pub fn write(document: &Document, folder: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|error| {
-        Error::failed("the folder for the report cannot be made").because(error).at(folder.display())
+        Error::failed("the folder for the report cannot be made").because(error).at(folder)
     })?;
     for (name, svg) in plots(document) {
         replace(folder, &name, &svg)?;
@@ -31,7 +31,7 @@ fn replace(folder: &Path, name: &str, text: &str) -> Result<PathBuf> {
     written.map_err(|error| {
         // A full disk leaves a piece; the old file still stands.
         let _ = std::fs::remove_file(&new);
-        Error::failed("a file of the report cannot be written").because(error).at(path.display())
+        Error::failed("a file of the report cannot be written").because(error).at(&path)
     })?;
     Ok(path)
 }

@@ -17,6 +17,7 @@ use lightcast_core::image::{PolarMap, Stamp};
 use lightcast_core::light::measure::{Emitters, soft_ground_cells};
 use lightcast_core::light::{Light, LightList};
 use lightcast_core::math::angle_between;
+use lightcast_core::math::percentile;
 use std::time::{Duration, Instant};
 
 /// Frames of a sequence.
@@ -265,15 +266,6 @@ fn figures(
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value * value, count + 1));
     (sum / count.max(1) as f64).sqrt()
-}
-
-/// Value below which a fraction of sorted values lies, linear between neighbours; 0 of nothing.
-pub(super) fn percentile(sorted: &[f64], fraction: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
-    let position = fraction * last as f64;
-    let below = (position as usize).min(last);
-    let above = (below + 1).min(last);
-    sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
 }
 
 #[cfg(test)]

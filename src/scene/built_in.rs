@@ -1,6 +1,5 @@
 //! Scenes that need no file, and the ground.
 
-use super::obj_file::single;
 use super::{Bounds, Instance, Material, Mesh, Node, Roles, Scene, Shading, Transform, Vertex};
 use glam::{Mat4, Vec3};
 use std::f64::consts::TAU;
@@ -20,8 +19,12 @@ impl Scene {
     pub fn built_in() -> Self {
         let warm = Material::lambert([0.75, 0.42, 0.25]);
         let metal = Material::new(Shading::MetalRough { metallic: 1.0, roughness: 0.35 }, [0.9, 0.88, 0.85]);
-        let mut scene =
-            single(vec![torus_knot(160, 20, 0), sphere(48, 1)], vec![warm, metal], Vec::new(), Vec::new());
+        let mut scene = Self::of_meshes(
+            vec![torus_knot(160, 20, 0), sphere(48, 1)],
+            vec![warm, metal],
+            Vec::new(),
+            Vec::new(),
+        );
         for (number, x) in [(0, -1.25), (1, 1.25)] {
             // Each rests on the ground.
             let height = -scene.meshes[number].bounds.min.y;
@@ -40,7 +43,12 @@ impl Scene {
     /// A sphere of radius 1 around the origin, Lambert, of `segments` (at least 3) steps around and half as many
     /// from pole to pole: every direction is the normal of some triangle, for measures of what culling saves.
     pub fn sphere_of_normals(segments: usize) -> Self {
-        single(vec![sphere(segments, 0)], vec![Material::lambert([GROUND; 3])], Vec::new(), Vec::new())
+        Self::of_meshes(
+            vec![sphere(segments, 0)],
+            vec![Material::lambert([GROUND; 3])],
+            Vec::new(),
+            Vec::new(),
+        )
     }
 
     /// Puts a horizontal square under all that casts shadows, for files that have no ground: Lambert, albedo 0.5,

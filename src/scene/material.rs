@@ -1,3 +1,6 @@
+/// Albedo of what has neither a material nor colours.
+pub const GREY: f32 = 0.6;
+
 /// How a surface reflects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shading {

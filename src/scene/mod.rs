@@ -10,23 +10,13 @@ mod built_in;
 #[cfg(test)]
 mod built_in_tests;
 mod camera;
-mod file;
-mod gltf_accessor;
-mod gltf_animation;
-#[cfg(test)]
-mod gltf_fault_tests;
-mod gltf_file;
-mod gltf_material;
-#[cfg(test)]
-mod gltf_tests;
 mod material;
 mod mesh;
-#[cfg(test)]
-mod mesh_file_tests;
+mod named_nodes;
 mod node;
 mod normals;
-mod obj_file;
-mod ply_file;
+mod pose;
+mod read;
 mod roles;
 mod texture;
 mod whole;
@@ -34,11 +24,10 @@ mod whole;
 pub use animation::{Channel, Interpolation, Keys};
 pub use bounds::Bounds;
 pub use camera::Camera;
-pub use file::{MAX_BYTES, MAX_COORDINATE, MAX_TRIANGLES, MAX_VERTICES};
-pub use material::{Material, Shading};
+pub use material::{GREY, Material, Shading};
 pub use mesh::{Mesh, Vertex};
 pub use node::{Instance, Node, Transform};
-pub use obj_file::GREY;
+pub use read::{MAX_BYTES, MAX_COORDINATE, MAX_TRIANGLES, MAX_VERTICES};
 pub use roles::Roles;
 pub use texture::{MAX_TEXTURE_PIXELS, MAX_TEXTURE_SIDE_PX, Texture, Wrap};
 pub use whole::Scene;

@@ -1,4 +1,4 @@
-use super::{Bounds, Camera, Channel, Instance, Material, Mesh, Node, Texture};
+use super::{Bounds, Camera, Channel, Instance, Material, Mesh, Node, Roles, Texture, Transform};
 use glam::Mat4;
 
 /// Meshes where they stand, what they are made of and how they move. Plain lists that refer to each other by index.
@@ -27,6 +27,18 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// A scene of meshes that stand where their coordinates say.
+    pub(super) fn of_meshes(
+        meshes: Vec<Mesh>,
+        materials: Vec<Material>,
+        textures: Vec<Texture>,
+        notes: Vec<String>,
+    ) -> Self {
+        let instances = (0..meshes.len()).map(|mesh| Instance { mesh, node: 0, roles: Roles::ALL }).collect();
+        let nodes = vec![Node { parent: None, transform: Transform::IDENTITY }];
+        Self { meshes, materials, textures, nodes, instances, notes, ..Self::default() }
+    }
+
     /// Box around all instances posed by `world_from_mesh`.
     pub fn bounds(&self, world_from_mesh: &[Mat4]) -> Bounds {
         self.bounds_where(world_from_mesh, |_| true)

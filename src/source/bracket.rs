@@ -2,7 +2,7 @@
 //! frame of radiance, at the camera's rate divided by the number of values.
 
 use super::live::{BadBuffer, Camera, Captured, Mark};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::rt::{Counter, Metrics};
 use lightcast_core::camera::{ExposureMerge, Response, SensorNoise};
 use lightcast_core::image::Frame;
@@ -85,9 +85,8 @@ impl<C: ExposureControl> Bracket<C> {
     ) -> Result<Self> {
         let BracketOptions { values, unit_s, latency_frames, .. } = options;
         if !(1..=LATENCY_MAX).contains(latency_frames) {
-            return Err(Error::usage(format!(
-                "latency_frames = {latency_frames}: must be 1 to {LATENCY_MAX}"
-            )));
+            return Err(Error::usage(format!("must be 1 to {LATENCY_MAX}"))
+                .at(Place::value("latency_frames", latency_frames)));
         }
         let exposures_s: Vec<f64> = values.iter().map(|&value| value as f64 * unit_s).collect();
         Ok(Self {

@@ -27,7 +27,7 @@ const LISTED_NAMES: usize = 8;
 /// Of kind [`Usage`](crate::error::Kind::Usage), naming the path: nothing is there, names do not belong together,
 /// two files have one number.
 pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
-    let fault = |message: String| Error::usage(message).at(path.display());
+    let fault = |message: String| Error::usage(message).at(path);
     if path.is_file() {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         return Ok(vec![(numbered(&name).map_or(0, |(_, number, _)| number), path.to_owned())]);
@@ -44,7 +44,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
         };
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut files = Vec::new();
-        for name in names(folder).map_err(|error| error.at(path.display()))? {
+        for name in names(folder).map_err(|error| error.at(path))? {
             if let Some(number) = pattern.number(&name) {
                 files.push((number, folder.join(name)));
             }
@@ -80,7 +80,7 @@ fn names(folder: &Path) -> Result<Vec<String>> {
 }
 
 fn in_folder(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
-    let fault = |message: String| Error::usage(message).at(folder.display());
+    let fault = |message: String| Error::usage(message).at(folder);
     let is_picture = |name: &String| {
         let extension = Path::new(name).extension().unwrap_or_default().to_ascii_lowercase();
         EXTENSIONS.iter().any(|&known| extension == known)

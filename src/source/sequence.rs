@@ -110,7 +110,7 @@ impl Sequence {
     /// [`Failed`](crate::error::Kind::Failed): none of the files can be used.
     pub fn open(options: &SequenceOptions) -> Result<Self> {
         let path = &options.path;
-        let fault = |message: String| Error::usage(message).at(path.display());
+        let fault = |message: String| Error::usage(message).at(path);
         let (first, last) = (options.first.unwrap_or(0), options.last.unwrap_or(u64::MAX));
         let mut files = pattern::files(path)?;
         let (lowest, highest) = (files[0].0, files[files.len() - 1].0);

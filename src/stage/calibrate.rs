@@ -1,4 +1,4 @@
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::rt::stage::{Flow, Stage};
 use crate::rt::{Counter, Metrics};
 use lightcast_core::camera::{FrameToPolar, PixelCounts, Response};
@@ -27,7 +27,7 @@ impl Stage for Calibrate {
         let counts = self
             .frame_to_polar
             .apply(frame, &self.response, map)
-            .map_err(|error| Error::from(error).at(format_args!("frame {}", frame.stamp.sequence)))?;
+            .map_err(|error| Error::from(error).at(Place::Frame(frame.stamp.sequence)))?;
         self.counters.add(&counts, frame.stamp.sequence);
         Ok(Flow::Send)
     }

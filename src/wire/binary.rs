@@ -6,7 +6,7 @@ mod tests;
 use super::limits::{MOST_IRRADIANCE, MOST_POWER};
 use super::quantity::{Scale, decode_direction, encode_direction};
 use super::{Delivery, Message};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use lightcast_core::image::Stamp;
 use lightcast_core::light::{Light, LightList, MAX_LIGHTS};
 use std::f64::consts::PI;
@@ -131,7 +131,8 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
         let id = u16::from_le_bytes(at(light, 0));
         if ids.is_taken(id) {
             let byte = header.length + prefixes.len() + LIGHT_BYTES * number;
-            return Err(Error::failed(format!("byte {byte}: light {number} has the id {id} of another")));
+            let fault = format!("light {number} has the id {id} of another");
+            return Err(Error::failed(fault).at(Place::Byte(byte)));
         }
     }
 
@@ -178,46 +179,47 @@ impl Header {
     fn read(bytes: &[u8]) -> Result<Self> {
         let magic = &bytes[..bytes.len().min(MAGIC.len())];
         if !magic.starts_with(&MAGIC[..3]) {
-            return Err(Error::failed("byte 0: the message does not begin with LCL: it is no light list"));
+            return Err(
+                Error::failed("the message does not begin with LCL: it is no light list").at(Place::Byte(0))
+            );
         }
         if magic != MAGIC {
             let version = magic.last().filter(|_| magic.len() == MAGIC.len());
-            return Err(Error::failed(match version {
+            let fault = match version {
                 Some(version) => {
-                    format!("byte 3: the message is of version {version}; this program reads version 1")
+                    format!("the message is of version {version}; this program reads version 1")
                 }
-                None => "byte 3: the message ends before its version".to_owned(),
-            }));
+                None => "the message ends before its version".to_owned(),
+            };
+            return Err(Error::failed(fault).at(Place::Byte(3)));
         }
         if bytes.len() < HEADER_BYTES {
             let length = bytes.len();
-            return Err(Error::failed(format!(
-                "byte {length}: the message ends in its header of {HEADER_BYTES} bytes"
-            )));
+            let fault = format!("the message ends in its header of {HEADER_BYTES} bytes");
+            return Err(Error::failed(fault).at(Place::Byte(length)));
         }
         let length = usize::from(u16::from_le_bytes(at(bytes, 4)));
         if length < HEADER_BYTES {
-            return Err(Error::failed(format!(
-                "byte 4: a header of {length} bytes; it has {HEADER_BYTES} at least"
-            )));
+            let fault = format!("a header of {length} bytes; it has {HEADER_BYTES} at least");
+            return Err(Error::failed(fault).at(Place::Byte(4)));
         }
         let prefixes = usize::from(u16::from_le_bytes(at(bytes, 116)));
         let lights = usize::from(u16::from_le_bytes(at(bytes, 118)));
         if prefixes > MAX_PREFIX_ERRORS {
-            return Err(Error::failed(format!(
-                "byte 116: {prefixes} prefix errors; {MAX_PREFIX_ERRORS} at most are read"
-            )));
+            let fault = format!("{prefixes} prefix errors; {MAX_PREFIX_ERRORS} at most are read");
+            return Err(Error::failed(fault).at(Place::Byte(116)));
         }
         if lights > MAX_LIGHTS {
-            return Err(Error::failed(format!("byte 118: {lights} lights; {MAX_LIGHTS} at most are read")));
+            let fault = format!("{lights} lights; {MAX_LIGHTS} at most are read");
+            return Err(Error::failed(fault).at(Place::Byte(118)));
         }
         let whole = length + PREFIX_BYTES * prefixes + LIGHT_BYTES * lights;
         if bytes.len() != whole {
-            return Err(Error::failed(format!(
-                "byte {}: the message has {} bytes; with {prefixes} prefix errors and {lights} lights it has {whole}",
-                whole.min(bytes.len()),
+            let fault = format!(
+                "the message has {} bytes; with {prefixes} prefix errors and {lights} lights it has {whole}",
                 bytes.len()
-            )));
+            );
+            return Err(Error::failed(fault).at(Place::Byte(whole.min(bytes.len()))));
         }
 
         let number = |byte| f64::from_le_bytes(at(bytes, byte));
@@ -265,10 +267,9 @@ fn at<const N: usize>(bytes: &[u8], byte: usize) -> [u8; N] {
 /// `value` if it is from 0 to `most`, which NaN is not.
 fn check<T: Copy + Default + LowerExp + PartialOrd>(value: T, most: T, byte: usize, what: &str) -> Result<T> {
     if (T::default()..=most).contains(&value) {
-        Ok(value)
-    } else {
-        Err(Error::failed(format!("byte {byte}: {what} is {value:e}; it is from 0 to {most:e}")))
+        return Ok(value);
     }
+    Err(Error::failed(format!("{what} is {value:e}; it is from 0 to {most:e}")).at(Place::Byte(byte)))
 }
 
 /// `value`, or 0 where that is negative or not finite.

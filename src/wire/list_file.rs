@@ -2,7 +2,7 @@
 
 use super::MESSAGE_MAX_BYTES;
 use super::list::read_list;
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use lightcast_core::light::LightList;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ impl ListFile {
     /// When the file cannot be opened.
     pub fn open(path: &Path) -> Result<Self> {
         let file = std::fs::File::open(path)
-            .map_err(|error| Error::failed("cannot be opened").because(error).at(path.display()))?;
+            .map_err(|error| Error::failed("cannot be opened").because(error).at(path))?;
         Ok(Self { path: path.to_owned(), reader: BufReader::new(file), line_number: 0, line: Vec::new() })
     }
 
@@ -37,7 +37,7 @@ impl ListFile {
             let mut limited = self.reader.by_ref().take(LINE_MAX_BYTES + 1);
             let length = limited
                 .read_until(b'\n', &mut self.line)
-                .map_err(|error| Error::failed("cannot be read").because(error).at(self.path.display()))?;
+                .map_err(|error| Error::failed("cannot be read").because(error).at(&self.path))?;
             if length == 0 {
                 return Ok(false);
             }
@@ -50,9 +50,9 @@ impl ListFile {
             } else {
                 read_list(self.line.trim_ascii(), list)
             };
-            return parsed.map(|()| true).map_err(|error| {
-                error.at(format_args!("line {}", self.line_number)).at(self.path.display())
-            });
+            return parsed
+                .map(|()| true)
+                .map_err(|error| error.at(Place::line(self.line_number)).at(&self.path));
         }
     }
 }

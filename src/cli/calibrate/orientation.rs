@@ -1,6 +1,6 @@
 use crate::calibrate::{Calibration, Mark, Orientation, fit_orientation};
 use crate::cli::report::print;
-use crate::error::{Error, Result, TomlText};
+use crate::error::{Error, Place, Result, TomlText};
 use glam::DVec3;
 use lightcast_core::camera::LOOKING_UP;
 use lightcast_core::math::{angle_between, direction};
@@ -71,10 +71,8 @@ fn read_marks(path: &Path) -> Result<Vec<Mark>> {
         for (key, value, reach) in [("azimuth_deg", azimuth_deg, 360.0), ("altitude_deg", altitude_deg, 90.0)]
         {
             if !(-reach..=reach).contains(&value) {
-                let fault = Error::usage(format!(
-                    "mark[{index}].{key} = {value}: must lie between {} and {reach}",
-                    -reach
-                ));
+                let fault = Error::usage(format!("must lie between {} and {reach}", -reach))
+                    .at(Place::value(format!("mark[{index}].{key}"), value));
                 return Err(text.locate("", fault));
             }
         }

@@ -21,7 +21,7 @@ use std::path::Path;
 /// a frame rate that is not a positive number, a file that cannot be written.
 pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: bool) -> Result<()> {
     let Pixels::Radiance(_) = &frame.pixels else {
-        return Err(Error::failed("holds sensor codes, which are written as 16-bit PNG").at(path.display()));
+        return Err(Error::failed("holds sensor codes, which are written as 16-bit PNG").at(path));
     };
     let attributes = || {
         Ok(LayerAttributes {

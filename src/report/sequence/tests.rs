@@ -48,13 +48,6 @@ fn motion_is_in_degrees_a_frame_over_all_slots() {
 }
 
 #[test]
-fn percentiles_lie_between_neighbours() {
-    let sorted = [1.0, 2.0, 4.0];
-    assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(|p| percentile(&sorted, p)), [1.0, 1.5, 2.0, 3.0, 4.0]);
-    assert_eq!((percentile(&[], 0.5), percentile(&[3.0], 0.97)), (0.0, 3.0));
-}
-
-#[test]
 fn any_maps_of_one_shape_are_a_sequence_and_black_ones_have_no_error() {
     let shape = PolarShape::hemisphere(12, 4);
     let maps = |count, rate, gain: f32| -> Vec<PolarMap> {

@@ -1,5 +1,6 @@
 //! What changes with time: each is a pure function of the time in seconds since frame 0.
 
+use crate::error::{Error, Place, Result};
 use serde::Deserialize;
 use std::f64::consts::TAU;
 
@@ -23,14 +24,16 @@ impl Flicker {
         1.0 + self.depth * (TAU * (self.frequency_hz * time_s + self.phase_turns).fract()).sin()
     }
 
-    pub(super) fn check(&self) -> Result<(), &'static str> {
+    pub(super) fn check(&self) -> Result<()> {
         // Beyond 1e9 a double has no fraction of a turn left after a few seconds; infinity would give NaN.
         let moderate = self.frequency_hz.abs() <= 1e9 && self.phase_turns.abs() <= 1e9;
         if moderate && (0.0..=1.0).contains(&self.depth) {
-            Ok(())
-        } else {
-            Err("flicker needs frequency_hz and phase_turns between -1e9 and 1e9 and a depth between 0 and 1")
+            return Ok(());
         }
+        Err(Error::usage(
+            "needs frequency_hz and phase_turns between -1e9 and 1e9 and a depth between 0 and 1",
+        )
+        .at(Place::key("flicker")))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Flat emitters with a soft edge: the sun's disc and lamps.
 
+use crate::error::{Error, Place, Result};
 use glam::DVec3;
 use lightcast_core::math::direction;
 
@@ -113,6 +114,14 @@ pub struct Detail {
 fn edge(distance: f64) -> f64 {
     let x = ((1.0 + EDGE - distance) / (2.0 * EDGE)).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
+}
+
+/// Refuses a value of `key` that cannot be a radiance held in f32: negative, not finite, or too large.
+pub(super) fn check_radiance(key: &str, rgb: [f64; 3]) -> Result<()> {
+    if rgb.into_iter().all(|value| (0.0..=f64::from(f32::MAX)).contains(&value)) {
+        return Ok(());
+    }
+    Err(Error::usage("must be finite and not negative").at(Place::key(key)))
 }
 
 #[cfg(test)]

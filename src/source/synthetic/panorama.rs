@@ -3,8 +3,10 @@
 use super::animation::Flicker;
 use super::area::AreaMean;
 use super::emitter::Detail;
+use crate::error::{Error, Place, Result};
 use glam::DVec3;
 use lightcast_core::image::{Frame, Pixels, PolarMap, PolarShape};
+use lightcast_core::math::percentile;
 use lightcast_core::math::polar;
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
@@ -90,18 +92,19 @@ pub struct Panorama {
 impl Panorama {
     /// From a lat-long frame of radiance with half-pixel centres (OpenEXR's orientation) and 1 or 3 channels.
     ///
-    /// The error says what in the options does not fit the picture.
-    pub fn new(options: &PanoramaOptions, frame: &Frame, frame_rate_hz: f64) -> Result<Self, String> {
+    /// Errors say what in the options does not fit the picture, and name the key below `panorama`.
+    pub fn new(options: &PanoramaOptions, frame: &Frame, frame_rate_hz: f64) -> Result<Self> {
         let Pixels::Radiance(samples) = &frame.pixels else {
-            return Err("the panorama holds raw codes, not radiance".into());
+            return Err(Error::usage("holds raw codes, not radiance").at(Place::key("file")));
         };
         let channels = frame.channels;
         let [columns, rows] = options.resolution.unwrap_or([frame.width, frame.height]);
         if columns == 0 || columns > frame.width || rows < 2 || rows % 2 == 1 || rows > frame.height {
-            return Err(format!(
-                "panorama.resolution must be at most the file's {} x {}, with an even number of rows",
+            return Err(Error::usage(format!(
+                "must be at most the file's {} x {}, with an even number of rows",
                 frame.width, frame.height
-            ));
+            ))
+            .at(Place::key("resolution")));
         }
         let pixel = |row: usize, column: usize| {
             let start = (row * frame.width + column) * channels;
@@ -114,8 +117,9 @@ impl Panorama {
         };
         // phi = 2 pi u - pi/2: column 0 of the map begins a quarter of the file's width in.
         let mut mean = AreaMean::new([frame.width, frame.height], [columns, rows], frame.width as f64 / 4.0);
-        let shape = PolarShape::new(columns, rows, PI)
-            .map_err(|error| format!("panorama.resolution: {error}; give a smaller one"))?;
+        let shape = PolarShape::new(columns, rows, PI).map_err(|error| {
+            Error::usage(format!("{error}; give a smaller one")).at(Place::key("resolution"))
+        })?;
         let mut map = PolarMap::black(shape);
         mean.write(pixel, |row, column, value| map.pixels[row * columns + column] = value.map(|v| v as f32));
 
@@ -129,17 +133,21 @@ impl Panorama {
         };
         // Beyond 1e9 a millionth of a column is lost after a few seconds; infinity would give NaN.
         if !(start_columns.abs() <= 1e9 && columns_per_second.abs() <= 1e9) {
-            return Err("panorama.turn must be at most 1e9 columns, and 1e9 columns per second".into());
+            return Err(Error::usage("must be at most 1e9 columns, and 1e9 columns per second")
+                .at(Place::key("turn")));
         }
         let flickering = match &options.flicker {
             None => Vec::new(),
             Some(flicker) => {
-                flicker.sine().check().map_err(|fault| format!("panorama.{fault}"))?;
+                flicker.sine().check()?;
                 if flicker.columns[0] > flicker.columns[1] || flicker.columns[1] >= columns {
-                    return Err(format!("panorama.flicker.columns must ascend and end below {columns}"));
+                    return Err(Error::usage(format!("must ascend and end below {columns}"))
+                        .at(Place::key("flicker.columns")));
                 }
                 if !(0.0..=100.0).contains(&flicker.above_percentile) {
-                    return Err("panorama.flicker.above_percentile must lie between 0 and 100".into());
+                    return Err(
+                        Error::usage("must lie between 0 and 100").at(Place::key("flicker.above_percentile"))
+                    );
                 }
                 flicker_mask(&map, flicker)
             }
@@ -248,9 +256,7 @@ fn flicker_mask(map: &PolarMap, flicker: &PixelFlicker) -> Vec<bool> {
         upper.extend((0..columns).map(|column| f64::from(map.luminance(row, column))));
     }
     upper.sort_by(f64::total_cmp);
-    let rank = flicker.above_percentile / 100.0 * (upper.len() - 1) as f64;
-    let (low, high) = (upper[rank.floor() as usize], upper[rank.ceil() as usize]);
-    let threshold = low + (high - low) * rank.fract();
+    let threshold = percentile(&upper, flicker.above_percentile / 100.0);
     let mut mask = vec![false; map.shape.len()];
     for row in 0..rows / 2 {
         for column in flicker.columns[0]..=flicker.columns[1] {

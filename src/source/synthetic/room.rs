@@ -1,9 +1,9 @@
 //! A box seen from inside: textured walls, lamps on them, and the light that the lamps throw on the walls.
 
 use super::animation::{Flicker, is_on};
-use super::emitter::{Detail, Emitter, Shape};
+use super::emitter::{Detail, Emitter, Shape, check_radiance};
 use super::noise::{fractal_noise, hash};
-use super::scene::check_radiance;
+use crate::error::{Error, Place, Result};
 use glam::DVec3;
 use serde::Deserialize;
 use std::f64::consts::PI;
@@ -130,37 +130,43 @@ impl Room {
         }
     }
 
-    /// The error begins with the key.
-    pub(super) fn check(&self) -> Result<(), String> {
-        check_radiance(format_args!("room.ambient"), self.ambient)?;
-        check_radiance(format_args!("room.albedo"), self.albedo)?;
+    /// Errors name the key, below `room`.
+    pub(super) fn check(&self) -> Result<()> {
+        check_radiance("ambient", self.ambient)?;
+        check_radiance("albedo", self.albedo)?;
         for axis in 0..3 {
             let inside = self.camera_m[axis] > 0.0 && self.camera_m[axis] < self.size_m[axis];
             if !inside || self.size_m[axis] > 1e6 {
-                return Err("room.camera_m must lie inside room.size_m, that at most 1e6".into());
+                return Err(
+                    Error::usage("must lie inside room.size_m, that at most 1e6").at(Place::key("camera_m"))
+                );
             }
         }
         if !(1e-6..=1e6).contains(&self.tile_m) {
-            return Err("room.tile_m must lie between 1e-6 and 1e6".into());
+            return Err(Error::usage("must lie between 1e-6 and 1e6").at(Place::key("tile_m")));
         }
         for (i, lamp) in self.lamp.iter().enumerate() {
-            let key = format!("room.lamp[{i}]");
-            check_radiance(format_args!("{key}.radiance"), lamp.radiance)?;
+            let key = format!("lamp[{i}]");
+            check_radiance(&format!("{key}.radiance"), lamp.radiance)?;
             let sides = match (lamp.size_m, lamp.radius_m) {
                 (Some(size), None) => size,
                 (None, Some(radius)) => [2.0 * radius; 2],
-                _ => return Err(format!("{key} needs either size_m (a rectangle) or radius_m (a disc)")),
+                _ => {
+                    return Err(Error::usage("needs either size_m (a rectangle) or radius_m (a disc)")
+                        .at(Place::key(&key)));
+                }
             };
             let free = free_axes(lamp.wall.axis().0);
             for (axis, (side, centre)) in free.into_iter().zip(sides.into_iter().zip(lamp.centre_m)) {
                 let within = centre - 0.5 * side >= 0.0 && centre + 0.5 * side <= self.size_m[axis];
                 if !(side > 1e-6 && within) {
-                    return Err(format!("{key} must lie within its wall and not be smaller than 1e-6 m"));
+                    return Err(Error::usage("must lie within its wall and not be smaller than 1e-6 m")
+                        .at(Place::key(&key)));
                 }
             }
             lamp.flicker
                 .map_or(Ok(()), |flicker| flicker.check())
-                .map_err(|fault| format!("{key}.{fault}"))?;
+                .map_err(|error| error.at(Place::key(&key)))?;
         }
         Ok(())
     }

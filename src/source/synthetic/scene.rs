@@ -5,7 +5,6 @@ use super::panorama::{Panorama, PanoramaAt};
 use super::room::{Room, RoomAt};
 use super::sky::{Sky, SkyAt};
 use glam::DVec3;
-use std::fmt::Arguments;
 
 /// What there is to see.
 #[derive(Clone, Debug)]
@@ -56,14 +55,5 @@ impl SceneAt<'_> {
             Self::Room(room) => room.details().collect(),
             Self::Panorama(panorama) => panorama.details().collect(),
         }
-    }
-}
-
-/// Refuses what is no radiance that an f32 holds.
-pub(super) fn check_radiance(key: Arguments<'_>, rgb: [f64; 3]) -> Result<(), String> {
-    if rgb.into_iter().all(|value| (0.0..=f64::from(f32::MAX)).contains(&value)) {
-        Ok(())
-    } else {
-        Err(format!("{key} must be finite and not negative"))
     }
 }

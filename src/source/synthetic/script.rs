@@ -11,7 +11,7 @@ use super::scene::Scene;
 use super::sensor::Noise;
 use super::sky::Sky;
 use crate::calibrate::Calibration;
-use crate::error::{Error, Result, TomlText};
+use crate::error::{Error, Kind, Place, Result, TomlText};
 use crate::files::{MAX_PIXELS, MAX_SIDE_PX, read};
 use glam::DMat3;
 use lightcast_core::camera::{LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
@@ -159,7 +159,7 @@ impl Script {
     pub fn parse(script: &TomlText, data: Option<&Path>) -> Result<Self> {
         let keys: Keys = script.parse()?;
         let folder = script.path.parent().unwrap_or(Path::new(""));
-        keys.check(folder, data).map_err(|fault| script.locate("", Error::usage(fault)))
+        keys.check(folder, data).map_err(|error| script.locate("", error))
     }
 
     /// The camera of a fisheye script, for a calibration file; none for lat-long pictures. The orientation is not
@@ -186,27 +186,31 @@ impl Script {
 }
 
 impl Keys {
-    /// The error begins with the key.
-    fn check(self, folder: &Path, data: Option<&Path>) -> Result<Script, String> {
+    /// Errors name the key.
+    fn check(self, folder: &Path, data: Option<&Path>) -> Result<Script> {
+        let fault = |key: &str, fault: &str| Err(Error::usage(fault).at(Place::key(key)));
         if self.frames == 0 || self.frames > 1_000_000 {
-            return Err("frames must be 1 to 1,000,000".into());
+            return fault("frames", "must be 1 to 1,000,000");
         }
         if !(1e-3..=1e5).contains(&self.frame_rate_hz) {
-            return Err("frame_rate_hz must lie between 0.001 and 100,000".into());
+            return fault("frame_rate_hz", "must lie between 0.001 and 100,000");
         }
         if self.first_number > 1 << 60 {
-            return Err("first_number must be below 2^60".into());
+            return fault("first_number", "must be below 2^60");
         }
         if !(1..=64).contains(&self.cells_per_pixel) {
-            return Err("cells_per_pixel must be 1 to 64".into());
+            return fault("cells_per_pixel", "must be 1 to 64");
         }
-        let name = FrameName::parse(&self.name, self.first_number).ok_or(
-            "name must hold one run of # for the number, not beside a digit, and no folder: day.####.png",
-        )?;
+        let Some(name) = FrameName::parse(&self.name, self.first_number) else {
+            return fault(
+                "name",
+                "must hold one run of # for the number, not beside a digit, and no folder: day.####.png",
+            );
+        };
         let ascending = self.exposure.is_sorted_by(|a, b| a.time_s < b.time_s);
         let moderate = self.exposure.iter().all(|e| e.time_s.is_finite() && e.stops.abs() <= 100.0);
         if !ascending || !moderate {
-            return Err("exposure must ascend in time_s, its stops between -100 and 100".into());
+            return fault("exposure", "must ascend in time_s, its stops between -100 and 100");
         }
         let (projection, world_from_camera, response) = match (&self.lat_long, &self.fisheye) {
             (Some(LatLong { width, height }), None) => {
@@ -214,8 +218,8 @@ impl Keys {
                     Projection::LatLong { width: *width, height: *height, centres: LatLongCentres::Half };
                 (projection, DMat3::IDENTITY, Response::default())
             }
-            (None, Some(fisheye)) => fisheye.check()?,
-            _ => return Err("lat_long or fisheye: one of the two sections must be there".into()),
+            (None, Some(fisheye)) => fisheye.check().map_err(|error| error.at(Place::key("fisheye")))?,
+            _ => return Err(Error::usage("lat_long or fisheye: one of the two sections must be there")),
         };
         let (width, height) = (projection.width(), projection.height());
         // What nobody could read back is not written.
@@ -224,25 +228,29 @@ impl Keys {
             || width * height > MAX_PIXELS
         {
             let section = if self.fisheye.is_some() { "fisheye" } else { "lat_long" };
-            return Err(format!(
-                "{section} width and height must be 1 to {MAX_SIDE_PX}, at most {MAX_PIXELS} pixels in all"
-            ));
+            return fault(
+                section,
+                &format!("width and height must be 1 to {MAX_SIDE_PX}, at most {MAX_PIXELS} pixels in all"),
+            );
         }
         let codes = !response.is_identity();
         let extension = if codes { ".png" } else { ".exr" };
         if !self.name.ends_with(extension) {
-            return Err(format!(
-                "name must end in {extension}: a fisheye with a response gives raw codes as 16-bit PNG, all else \
-                 gives radiance as OpenEXR"
-            ));
+            return fault(
+                "name",
+                &format!(
+                    "must end in {extension}: a fisheye with a response gives raw codes as 16-bit PNG, all else gives \
+                     radiance as OpenEXR"
+                ),
+            );
         }
         if codes && self.half {
-            return Err("half is for OpenEXR only".into());
+            return fault("half", "is for OpenEXR only");
         }
         if let Some(noise) = &self.noise {
-            noise.check()?;
+            noise.check().map_err(|error| error.at(Place::key("noise")))?;
             if !codes && noise.read_codes != 0.0 {
-                return Err("noise.read_codes is for raw codes only".into());
+                return fault("noise.read_codes", "is for raw codes only");
             }
         }
         Ok(Script {
@@ -266,14 +274,15 @@ impl Keys {
 fn scene(
     analytic: [Option<Scene>; 2],
     panorama: Option<PanoramaOptions>,
-    load: impl FnOnce(&PanoramaOptions) -> Result<Panorama, String>,
-) -> Result<Scene, String> {
-    match (analytic, panorama) {
-        ([Some(Scene::Sky(sky)), None], None) => sky.check().map(|()| Scene::Sky(sky)),
-        ([None, Some(Scene::Room(room))], None) => room.check().map(|()| Scene::Room(room)),
-        ([None, None], Some(options)) => load(&options).map(Scene::Panorama),
-        _ => Err("sky, room or panorama: one of the three sections must be there".into()),
-    }
+    load: impl FnOnce(&PanoramaOptions) -> Result<Panorama>,
+) -> Result<Scene> {
+    let (section, scene) = match (analytic, panorama) {
+        ([Some(Scene::Sky(sky)), None], None) => ("sky", sky.check().map(|()| Scene::Sky(sky))),
+        ([None, Some(Scene::Room(room))], None) => ("room", room.check().map(|()| Scene::Room(room))),
+        ([None, None], Some(options)) => ("panorama", load(&options).map(Scene::Panorama)),
+        _ => return Err(Error::usage("sky, room or panorama: one of the three sections must be there")),
+    };
+    scene.map_err(|error| error.at(Place::key(section)))
 }
 
 fn load_panorama(
@@ -281,30 +290,30 @@ fn load_panorama(
     frame_rate_hz: f64,
     folder: &Path,
     data: Option<&Path>,
-) -> Result<Panorama, String> {
+) -> Result<Panorama> {
+    let at_file = |error: Error| error.at(Place::key("file"));
     let path: PathBuf = match (options.file.strip_prefix("data:"), data) {
         (None, _) => folder.join(&options.file),
         (Some(below), Some(data)) => data.join(below),
         (Some(below), None) => {
-            return Err(format!(
-                "panorama.file is {below} in the data folder: set LIGHTCAST_DATA to that folder's path"
-            ));
+            return Err(at_file(Error::usage(format!(
+                "is {below} in the data folder: set LIGHTCAST_DATA to that folder's path"
+            ))));
         }
     };
     let mut frame = Frame::default();
-    let attributes = read(&path, &mut frame).map_err(|error| format!("panorama.file: {error}"))?;
+    let attributes = read(&path, &mut frame).map_err(|error| at_file(error.with_kind(Kind::Usage)))?;
     if attributes.latlong_centres != LatLongCentres::Half {
-        return Err(
-            "panorama.file has its pixel centres on the poles (attribute envmap); convert it to a plain \
-                    lat-long picture"
-                .into(),
-        );
+        return Err(at_file(Error::usage(
+            "has its pixel centres on the poles (attribute envmap); convert it to a plain lat-long picture",
+        )));
     }
     Panorama::new(options, &frame, frame_rate_hz)
 }
 
 impl Fisheye {
-    fn check(&self) -> Result<(Projection, DMat3, Response), String> {
+    /// Errors name the key, below `fisheye`.
+    fn check(&self) -> Result<(Projection, DMat3, Response)> {
         let theta_max_rad = 0.5 * self.field_of_view_deg.to_radians();
         let [k1, k2, k3, k4] = self.k;
         let t = theta_max_rad * theta_max_rad;
@@ -320,10 +329,9 @@ impl Fisheye {
             cy,
             k: self.k,
             field_of_view_rad: 2.0 * theta_max_rad,
-        })
-        .map_err(|error| format!("fisheye: {error}"))?;
-        let response =
-            Response::new(self.response.clone()).map_err(|error| format!("fisheye.response: {error}"))?;
+        })?;
+        let response = Response::new(self.response.clone())
+            .map_err(|error| Error::from(error).at(Place::key("response")))?;
         let world_from_camera = match self.world_from_camera {
             None => LOOKING_UP,
             Some(rows) => {
@@ -332,7 +340,8 @@ impl Fisheye {
                 let worst = error.to_cols_array().into_iter().map(f64::abs).fold(0.0, f64::max);
                 // 1e-6: what is left of a rotation written with seven digits.
                 if worst.is_nan() || worst > 1e-6 || rotation.determinant() < 0.0 {
-                    return Err("fisheye.world_from_camera must be a rotation matrix, by rows".into());
+                    return Err(Error::usage("must be a rotation matrix, by rows")
+                        .at(Place::key("world_from_camera")));
                 }
                 rotation
             }

@@ -1,6 +1,7 @@
 //! From radiance to what a sensor delivers: photon noise, response, read noise.
 
 use super::noise::{hash, normal_pair};
+use crate::error::{Error, Result};
 use lightcast_core::camera::Response;
 use serde::Deserialize;
 
@@ -25,13 +26,12 @@ impl Noise {
         FrameNoise { noise: self, key: hash(self.seed ^ hash(frame)) }
     }
 
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<()> {
         let sound = |value: f64| value.is_finite() && value >= 0.0;
         if sound(self.photon_radiance) && sound(self.read_codes) {
-            Ok(())
-        } else {
-            Err("noise needs photon_radiance and read_codes finite and not negative".into())
+            return Ok(());
         }
+        Err(Error::usage("needs photon_radiance and read_codes finite and not negative"))
     }
 }
 

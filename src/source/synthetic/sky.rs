@@ -1,9 +1,9 @@
 //! The sky: a smooth gradient, clouds that drift, a sun on a path, far lamps, ground below the horizon.
 
 use super::animation::{Flicker, Waypoint, along, is_on};
-use super::emitter::{Detail, Emitter};
+use super::emitter::{Detail, Emitter, check_radiance};
 use super::noise::fractal_noise;
-use super::scene::check_radiance;
+use crate::error::{Error, Place, Result};
 use glam::DVec3;
 use lightcast_core::math::angle_between;
 use serde::Deserialize;
@@ -123,63 +123,66 @@ impl Sky {
         SkyAt { sky: self, time_s, sun, lamps: lamps.collect() }
     }
 
-    /// The error begins with the key.
-    pub(super) fn check(&self) -> Result<(), String> {
+    /// Errors name the key, below `sky`.
+    pub(super) fn check(&self) -> Result<()> {
         for (key, radiance) in [("zenith", self.zenith), ("horizon", self.horizon), ("ground", self.ground)] {
-            check_radiance(format_args!("sky.{key}"), radiance)?;
+            check_radiance(key, radiance)?;
         }
         if let Some(sun) = &self.sun {
-            check_radiance(format_args!("sky.sun.radiance"), sun.radiance)?;
-            check_radiance(format_args!("sky.sun.glow"), sun.glow)?;
-            check_radius("sky.sun", sun.radius_deg)?;
+            check_radiance("sun.radiance", sun.radiance)?;
+            check_radiance("sun.glow", sun.glow)?;
+            check_radius("sun", sun.radius_deg)?;
             if sun.path.is_empty() || !sun.path.is_sorted_by(|a, b| a.time_s < b.time_s) {
-                return Err("sky.sun.path needs entries that ascend in time_s".into());
+                return Err(Error::usage("needs entries that ascend in time_s").at(Place::key("sun.path")));
             }
             for (i, waypoint) in sun.path.iter().enumerate() {
                 if !waypoint.time_s.is_finite() {
-                    return Err(format!("sky.sun.path[{i}].time_s must be finite"));
+                    return Err(
+                        Error::usage("must be finite").at(Place::key(format!("sun.path[{i}].time_s")))
+                    );
                 }
-                check_place(&format!("sky.sun.path[{i}]"), waypoint.azimuth_deg, waypoint.elevation_deg)?;
+                check_place(&format!("sun.path[{i}]"), waypoint.azimuth_deg, waypoint.elevation_deg)?;
             }
         }
         if let Some(clouds) = &self.clouds {
-            check_radiance(format_args!("sky.clouds.radiance"), clouds.radiance)?;
+            check_radiance("clouds.radiance", clouds.radiance)?;
             if !(0.0..=1.0).contains(&clouds.cover) {
-                return Err("sky.clouds.cover must lie between 0 and 1".into());
+                return Err(Error::usage("must lie between 0 and 1").at(Place::key("clouds.cover")));
             }
             if !(1e-3..=1e3).contains(&clouds.size) {
-                return Err("sky.clouds.size must lie between 0.001 and 1000".into());
+                return Err(Error::usage("must lie between 0.001 and 1000").at(Place::key("clouds.size")));
             }
             if !clouds.drift.iter().all(|speed| speed.abs() <= 1e3) {
-                return Err("sky.clouds.drift must lie between -1000 and 1000".into());
+                return Err(Error::usage("must lie between -1000 and 1000").at(Place::key("clouds.drift")));
             }
         }
         for (i, lamp) in self.lamp.iter().enumerate() {
-            let key = format!("sky.lamp[{i}]");
-            check_radiance(format_args!("{key}.radiance"), lamp.radiance)?;
+            let key = format!("lamp[{i}]");
+            check_radiance(&format!("{key}.radiance"), lamp.radiance)?;
             check_radius(&key, lamp.radius_deg)?;
             check_place(&key, lamp.azimuth_deg, lamp.elevation_deg)?;
             lamp.flicker
                 .map_or(Ok(()), |flicker| flicker.check())
-                .map_err(|fault| format!("{key}.{fault}"))?;
+                .map_err(|error| error.at(Place::key(&key)))?;
         }
         Ok(())
     }
 }
 
-fn check_radius(key: &str, radius_deg: f64) -> Result<(), String> {
+fn check_radius(key: &str, radius_deg: f64) -> Result<()> {
     if (1e-3..=45.0).contains(&radius_deg) {
         Ok(())
     } else {
-        Err(format!("{key}.radius_deg must lie between 0.001 and 45"))
+        Err(Error::usage("must lie between 0.001 and 45").at(Place::key(format!("{key}.radius_deg"))))
     }
 }
 
-fn check_place(key: &str, azimuth_deg: f64, elevation_deg: f64) -> Result<(), String> {
+fn check_place(key: &str, azimuth_deg: f64, elevation_deg: f64) -> Result<()> {
     if azimuth_deg.is_finite() && (-90.0..=90.0).contains(&elevation_deg) {
         Ok(())
     } else {
-        Err(format!("{key} needs a finite azimuth_deg and an elevation_deg between -90 and 90"))
+        Err(Error::usage("needs a finite azimuth_deg and an elevation_deg between -90 and 90")
+            .at(Place::key(key)))
     }
 }
 

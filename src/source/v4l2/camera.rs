@@ -5,7 +5,7 @@ use super::identity::{self, Identity};
 use super::node::{Node, Stream, pix_format};
 use super::pixel_format::{self, PixelFormat, Samples};
 use super::unpack::Layout;
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, Kind, Place, Result};
 use crate::files::{MAX_PIXELS, MAX_SIDE_PX, decode_jpeg};
 use crate::rt::monotonic_ns;
 use crate::source::{BadBuffer, Camera, Captured, ExposureControl, FrameFormat, Mark};
@@ -363,15 +363,15 @@ fn set_rate(node: &Node, wanted_hz: Option<f64>) -> Result<f64> {
     } else {
         (1001, (wanted_hz * 1001.0).round() as u32)
     };
-    node.set_interval((numerator, denominator)).map_err(|error| {
-        Error::usage(format!("frame_rate_hz = {wanted_hz}: the driver has no rate to set; remove it"))
-            .because(error)
-    })?;
+    let key = || Place::value("frame_rate_hz", wanted_hz);
+    node.set_interval((numerator, denominator))
+        .map_err(|error| Error::usage("the driver has no rate to set; remove it").because(error).at(key()))?;
     let found_hz = read(node);
     if (found_hz - wanted_hz).abs() > RATE_TOLERANCE * wanted_hz {
         return Err(Error::usage(format!(
-            "frame_rate_hz = {wanted_hz} was made {found_hz} by the driver; `lightcast devices` lists the rates"
-        )));
+            "the driver has made it {found_hz}; `lightcast devices` lists the rates"
+        ))
+        .at(key()));
     }
     Ok(found_hz)
 }

@@ -86,14 +86,14 @@ impl Response {
             ResponseModel::Logarithmic { a, b, black_clip_code, saturation_code } => {
                 if !(a.is_finite() && b.is_finite() && *b > 0.0) {
                     return Err(Error::usage(format!(
-                        "response logarithmic: a {a} must be finite and b {b} positive"
+                        "logarithmic: a {a} must be finite and b {b} positive"
                     )));
                 }
                 (*black_clip_code, *saturation_code)
             }
             ResponseModel::Linear { black_level, white_level, gain } => {
                 if !(gain.is_finite() && *gain > 0.0) {
-                    return Err(Error::usage(format!("response linear: gain {gain} must be positive")));
+                    return Err(Error::usage(format!("linear: gain {gain} must be positive")));
                 }
                 (*black_level, *white_level)
             }
@@ -102,7 +102,7 @@ impl Response {
                 let sound = knees.iter().all(|knee| knee.1.is_finite() && knee.1 >= 0.0);
                 let (true, true, [first, .., last]) = (rising, sound, knees.as_slice()) else {
                     return Err(Error::usage(
-                        "response piecewise-linear: knees must be at least two pairs of code and radiance, \
+                        "piecewise-linear: knees must be at least two pairs of code and radiance, \
                          both strictly increasing, radiance finite and not negative",
                     ));
                 };
@@ -111,7 +111,7 @@ impl Response {
         };
         if black_clip_code >= saturation_code {
             return Err(Error::usage(format!(
-                "response: the black clip at code {black_clip_code} must lie below saturation at code \
+                "the black clip at code {black_clip_code} must lie below saturation at code \
                  {saturation_code}"
             )));
         }
@@ -120,7 +120,7 @@ impl Response {
         // The saturation code has the largest radiance; the codes are monotonic.
         if !table[usize::from(saturation_code)].is_finite() {
             return Err(Error::usage(format!(
-                "response: code {saturation_code} stands for a radiance beyond {:e}; check the model's numbers",
+                "code {saturation_code} stands for a radiance beyond {:e}; check the model's numbers",
                 f32::MAX
             )));
         }

@@ -31,25 +31,19 @@ impl PolarShape {
     pub fn new(columns: usize, rows: usize, theta_max_rad: f64) -> Result<Self> {
         for (name, side_px) in [("columns", columns), ("rows", rows)] {
             if !(1..=Self::MAX_SIDE_PX).contains(&side_px) {
-                return Err(Error::usage(format!(
-                    "{name} = {side_px}: a side of a polar map has 1 to {} pixels",
-                    Self::MAX_SIDE_PX
-                )));
+                let fault = format!("a side of a polar map has 1 to {} pixels", Self::MAX_SIDE_PX);
+                return Err(Error::usage(fault).in_option(name, Some(&side_px)));
             }
         }
         if columns * rows > Self::MAX_PIXELS {
-            return Err(Error::usage(format!(
-                "columns = {columns}: with {rows} rows a polar map has more than {} pixels",
-                Self::MAX_PIXELS
-            )));
+            let fault = format!("with {rows} rows a polar map has more than {} pixels", Self::MAX_PIXELS);
+            return Err(Error::usage(fault).in_option("columns", Some(&columns)));
         }
         // NaN lies in no range.
         if !(Self::LEAST_THETA_MAX_DEG.to_radians()..=PI).contains(&theta_max_rad) {
-            return Err(Error::usage(format!(
-                "theta_max_deg = {}: the lower rim of a polar map lies at {} to 180 degrees",
-                theta_max_rad.to_degrees(),
-                Self::LEAST_THETA_MAX_DEG
-            )));
+            let fault =
+                format!("the lower rim of a polar map lies at {} to 180 degrees", Self::LEAST_THETA_MAX_DEG);
+            return Err(Error::usage(fault).in_option("theta_max_deg", Some(&theta_max_rad.to_degrees())));
         }
         Ok(Self { columns, rows, theta_max_rad })
     }

@@ -57,27 +57,28 @@ impl Options {
     pub fn check(&self) -> Result<()> {
         let Self { count, sampler, relaxation_steps, error_target, budget_ms } = *self;
         if !(1..=MAX_LIGHTS).contains(&count) {
-            return Err(Error::usage(format!("count: {count} lights; give 1 to {MAX_LIGHTS}")));
+            return Err(
+                Error::usage(format!("give 1 to {MAX_LIGHTS} lights")).in_option("count", Some(&count))
+            );
         }
         if relaxation_steps > 100 {
-            return Err(Error::usage(format!(
-                "relaxation_steps: {relaxation_steps}; a few suffice, give 0 to 100"
-            )));
+            return Err(Error::usage("a few suffice, give 0 to 100")
+                .in_option("relaxation_steps", Some(&relaxation_steps)));
         }
         if (error_target.is_some() || budget_ms.is_some()) && sampler != Sampler::Adaptive {
+            let key = if error_target.is_some() { "error_target" } else { "budget_ms" };
             return Err(Error::usage(
-                "error_target, budget_ms: only adaptive lights change their number; leave both out, or choose sampler = \
-                 \"adaptive\"",
-            ));
+                "only adaptive lights change their number; leave this key out, or choose sampler = \"adaptive\"",
+            )
+            .in_option(key, None));
         }
         let is_sound = |value: f64| value.is_finite() && value > 0.0;
         if let Some(target) = error_target.filter(|&target| !is_sound(f64::from(target))) {
-            return Err(Error::usage(format!(
-                "error_target = {target}: must be a relative error above 0, such as 0.01"
-            )));
+            return Err(Error::usage("must be a relative error above 0, such as 0.01")
+                .in_option("error_target", Some(&target)));
         }
         if let Some(budget) = budget_ms.filter(|&budget| !is_sound(budget)) {
-            return Err(Error::usage(format!("budget_ms = {budget}: must be a time above 0 ms")));
+            return Err(Error::usage("must be a time above 0 ms").in_option("budget_ms", Some(&budget)));
         }
         Ok(())
     }

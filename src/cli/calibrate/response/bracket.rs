@@ -1,6 +1,6 @@
 use super::{Arguments, Found, Input, curve, digits, read};
 use crate::calibrate::{BracketFit, BracketSamples, fit_bracket, recover_exposures};
-use crate::error::{Error, Result, TomlText};
+use crate::error::{Error, Place, Result, TomlText};
 use crate::files::{exposure_settings, write_exr};
 use crate::picture::{Panel, Plot, Series};
 use lightcast_core::camera::{ExposureMerge, Response, SensorNoise};
@@ -23,8 +23,8 @@ pub(super) fn find(arguments: &Arguments, inputs: &[Input], known: Option<&Respo
             let text = TomlText::load(path)?;
             let File { exposure_s } = text.parse()?;
             if exposure_s.len() != files.len() {
-                let fault = format!("exposure_s has {} times for {} pictures", exposure_s.len(), files.len());
-                return Err(text.locate("", Error::usage(fault)));
+                let fault = format!("has {} times for {} pictures", exposure_s.len(), files.len());
+                return Err(text.locate("", Error::usage(fault).at(Place::key("exposure_s"))));
             }
             Some(exposure_s)
         }

@@ -2,7 +2,7 @@ use super::{Arguments, Found, Input, curve, digits};
 use crate::calibrate::{
     Family, Patch, PatchCodes, PatchFit, PatchFitOptions, PatchUse, Rectangle, fit_patches,
 };
-use crate::error::{Error, Result, TomlText};
+use crate::error::{Error, Place, Result, TomlText};
 use crate::picture::{Panel, Plot, Series};
 use lightcast_core::camera::ResponseModel;
 use serde::Deserialize;
@@ -37,17 +37,17 @@ pub(super) fn find(arguments: &Arguments, inputs: &[Input], file: &Path) -> Resu
         .enumerate()
         .map(|(index, entry)| {
             owner(inputs, entry)
-                .map_err(|fault| text.locate("", Error::usage(format!("patch[{index}].picture: {fault}"))))
+                .map_err(|error| text.locate("", error.at(Place::key(format!("patch[{index}].picture")))))
         })
         .collect::<Result<Vec<usize>>>()?;
     for (number, input) in inputs.iter().enumerate().filter(|(number, _)| owners.contains(number)) {
         input.for_each(|frame, name| {
             for (index, entry) in entries.iter().enumerate().filter(|(index, _)| owners[*index] == number) {
                 let [x, y, width, height] = entry.rectangle;
-                codes[index]
-                    .add(frame, Rectangle { x, y, width, height })
-                    .map_err(|error| error.at(name.display()))
-                    .map_err(|error| text.locate("", error.at(format_args!("patch[{index}].rectangle"))))?;
+                codes[index].add(frame, Rectangle { x, y, width, height }).map_err(|error| {
+                    let key = Place::key(format!("patch[{index}].rectangle"));
+                    text.locate("", error.at(name).at(key))
+                })?;
             }
             Ok(())
         })?;
@@ -82,12 +82,12 @@ pub(super) fn find(arguments: &Arguments, inputs: &[Input], file: &Path) -> Resu
 }
 
 /// Which of the inputs a patch lies in.
-fn owner(inputs: &[Input], entry: &Entry) -> Result<usize, String> {
+fn owner(inputs: &[Input], entry: &Entry) -> Result<usize> {
     let Some(name) = &entry.picture else {
         return if inputs.len() == 1 {
             Ok(0)
         } else {
-            Err("is missing; say in which of the pictures the patch lies".to_owned())
+            Err(Error::usage("is missing; say in which of the pictures the patch lies"))
         };
     };
     let is_it = |input: &Input| {
@@ -96,9 +96,9 @@ fn owner(inputs: &[Input], entry: &Entry) -> Result<usize, String> {
     };
     match inputs.iter().filter(|input| is_it(input)).count() {
         1 => Ok(inputs.iter().position(is_it).unwrap_or(0)),
-        count => {
-            Err(format!("{count} of the pictures on the command line have the name {name}, it must be one"))
-        }
+        count => Err(Error::usage(format!(
+            "{count} of the pictures on the command line have the name {name}, it must be one"
+        ))),
     }
 }
 

@@ -1,9 +1,9 @@
 //! Animations of glTF files.
 
-use super::gltf_accessor::{Buffers, floats};
-use super::gltf_file::add_note;
-use super::{Channel, Interpolation, Keys, Scene, Transform};
+use super::accessor::{Buffers, floats};
 use crate::error::{Error, Result};
+use crate::scene::read::notes::add_note;
+use crate::scene::{Channel, Interpolation, Keys, Scene, Transform};
 use glam::{Quat, Vec3};
 use gltf::Gltf;
 use gltf::animation::Property;

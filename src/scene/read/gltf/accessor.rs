@@ -1,8 +1,8 @@
 //! Numbers out of glTF buffers. Everything is checked here (types, sizes, ranges), as the reader of `gltf` 1.4 takes
 //! the file's word for it.
 
-use super::file::MAX_TRIANGLES;
 use crate::error::{Error, Result};
+use crate::scene::read::budget::MAX_TRIANGLES;
 use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions, sparse::IndexType};
 use std::borrow::Cow;

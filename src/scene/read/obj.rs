@@ -6,18 +6,20 @@
 //! `map_Kd` (sRGB), Phong's lobe with `Ks` and `Ns` unless `illum` is 0 or 1, `Ke`, `d`. A library that is missing
 //! or damaged costs the materials, not the scene: a note says so.
 
-use super::file::{Budget, Files, MAX_TRIANGLES, MAX_VERTICES, contained, linear_from_srgb, short};
-use super::mesh::{check, drop_zero_area};
-use super::normals::fill_normals;
-use super::{Instance, Material, Mesh, Node, Scene, Shading, Texture, Transform, Vertex};
+use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
+use super::files::{Files, contained, short};
+use super::linear_from_srgb;
+use super::notes::{TRANSPARENCY, add_note, normal_notes};
 use crate::error::{Error, Result};
+use crate::scene::material::GREY;
+use crate::scene::mesh::{check, drop_zero_area};
+use crate::scene::normals::fill_normals;
+use crate::scene::texture::MAX_TEXTURE_PIXELS;
+use crate::scene::{Material, Mesh, Scene, Shading, Texture, Vertex};
 use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, Read};
 use std::path::Path;
-
-/// Albedo of what has neither a material nor colours.
-pub const GREY: f32 = 0.6;
 
 /// Objects, groups and changes of material at most: `tobj` makes a mesh of each.
 const MAX_GROUPS: usize = 1 << 20;
@@ -27,10 +29,6 @@ const MAX_LIBRARY_BYTES: usize = 1 << 24;
 
 /// Largest exponent of Phong's lobe that is kept; MTL files have up to 1000. Its lobe is less than a degree wide.
 const MAX_EXPONENT: f32 = 1e4;
-
-/// The note on surfaces that ask for blending.
-pub(super) const TRANSPARENCY: &str =
-    "surfaces that are partly transparent are drawn opaque where alpha >= 0.5";
 
 pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
     check_counts(bytes)?;
@@ -61,13 +59,13 @@ pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
         files: &mut files,
         textures: &mut textures,
         notes: &mut notes,
-        pixels_left: super::texture::MAX_TEXTURE_PIXELS,
+        pixels_left: MAX_TEXTURE_PIXELS,
         known: HashMap::new(),
     };
     let mut materials: Vec<Material> = materials.iter().map(|material| converted.convert(material)).collect();
     let (vertices, faces) = gather(&models, &mut materials, &mut notes)?;
     let meshes = split(&vertices, &faces);
-    Ok(single(meshes, materials, textures, notes))
+    Ok(Scene::of_meshes(meshes, materials, textures, notes))
 }
 
 /// Refuses files with more than a scene may have before `tobj` makes ten times their bytes of them.
@@ -190,30 +188,6 @@ fn split(vertices: &[Vertex], faces: &[(usize, Vec<u32>)]) -> Vec<Mesh> {
         .collect()
 }
 
-/// A scene of meshes that stand where their coordinates say.
-pub(super) fn single(
-    meshes: Vec<Mesh>,
-    materials: Vec<Material>,
-    textures: Vec<Texture>,
-    notes: Vec<String>,
-) -> Scene {
-    let instances =
-        (0..meshes.len()).map(|mesh| Instance { mesh, node: 0, roles: super::Roles::ALL }).collect();
-    let nodes = vec![Node { parent: None, transform: Transform::IDENTITY }];
-    Scene { meshes, materials, textures, nodes, instances, notes, ..Scene::default() }
-}
-
-/// Says what was done about triangles without area and about normals that are no directions.
-pub(super) fn normal_notes(notes: &mut Vec<String>, dropped: usize, given: usize) {
-    if dropped > 0 {
-        notes.push(format!("{dropped} triangles without area left out"));
-    }
-    if given > 0 {
-        notes
-            .push(format!("{given} vertices have no usable normal in the file; computed from the triangles"));
-    }
-}
-
 fn read_library(files: &mut Files, name: &Path) -> Result<(Vec<tobj::Material>, HashMap<String, usize>)> {
     let name = name.to_string_lossy();
     // Programs on Windows write their separators.
@@ -261,7 +235,7 @@ impl Materials<'_> {
         if let Some(alpha) = from.dissolve.filter(|alpha| *alpha < 1.0) {
             material.base_colour[3] = alpha.max(0.0);
             material.alpha_cutoff = Some(0.5);
-            self.note(TRANSPARENCY.to_owned());
+            self.note(TRANSPARENCY);
         }
         let others =
             [&from.specular_texture, &from.normal_texture, &from.shininess_texture, &from.dissolve_texture];
@@ -294,10 +268,8 @@ impl Materials<'_> {
         place
     }
 
-    fn note(&mut self, note: String) {
-        if !self.notes.contains(&note) {
-            self.notes.push(note);
-        }
+    fn note(&mut self, note: impl Into<String>) {
+        add_note(self.notes, note);
     }
 }
 

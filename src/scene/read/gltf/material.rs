@@ -1,12 +1,12 @@
 //! Materials and textures of glTF files, read when a mesh first asks for them.
 
-use super::file::{Files, contained};
-use super::gltf_accessor::{Buffers, view_bytes};
-use super::gltf_file::{add_note, read_uri};
-use super::obj_file::TRANSPARENCY;
-use super::texture::MAX_TEXTURE_PIXELS;
-use super::{Material, Shading, Texture, Wrap};
+use super::accessor::{Buffers, view_bytes};
+use super::uri::read_uri;
 use crate::error::{Error, Result};
+use crate::scene::read::files::{Files, contained};
+use crate::scene::read::notes::{TRANSPARENCY, add_note};
+use crate::scene::texture::MAX_TEXTURE_PIXELS;
+use crate::scene::{Material, Shading, Texture, Wrap};
 use gltf::image::Source;
 use gltf::material::AlphaMode;
 use gltf::texture::WrappingMode;

@@ -1,6 +1,6 @@
-use super::built_in_tests::assert_sound;
-use super::*;
 use crate::error::Kind;
+use crate::scene::built_in_tests::assert_sound;
+use crate::scene::*;
 use glam::Vec3;
 use std::fs;
 use std::path::Path;

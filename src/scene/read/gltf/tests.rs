@@ -1,6 +1,6 @@
-use super::built_in_tests::assert_sound;
-use super::*;
 use crate::error::Kind;
+use crate::scene::built_in_tests::assert_sound;
+use crate::scene::*;
 use base64::Engine;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::{Value, json};

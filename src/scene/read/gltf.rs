@@ -4,24 +4,32 @@
 //! metal-rough material, `TEXCOORD_0`, `COLOR_0`, sparse accessors, animation of nodes and the first perspective
 //! camera. Left out, with a note: skins and morph targets (the mesh is shown as it lies in the file), points and
 //! lines, second texture coordinates, blending (drawn where alpha >= 1/2), occlusion textures (see
-//! [`Material`](super::Material)), extensions. A file that requires an extension is refused.
+//! [`Material`](crate::scene::Material)), extensions. A file that requires an extension is refused.
 
-use super::file::{Budget, Files, short};
-use super::gltf_accessor::{Buffers, floats, indices};
-use super::gltf_material::Materials;
-use super::mesh::{check, drop_zero_area};
-use super::normals::{fill_normals, flat};
-use super::obj_file::normal_notes;
-use super::{Camera, Instance, Mesh, Node, Roles, Scene, Transform, Vertex, gltf_animation};
+mod accessor;
+mod animation;
+#[cfg(test)]
+mod fault_tests;
+mod material;
+#[cfg(test)]
+mod tests;
+mod uri;
+
+use super::budget::Budget;
+use super::files::{Files, short};
+use super::notes::{add_note, normal_notes};
 use crate::error::{Error, Result};
-use base64::Engine;
-use base64::alphabet::STANDARD;
-use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use crate::scene::mesh::{check, drop_zero_area};
+use crate::scene::normals::{fill_normals, flat};
+use crate::scene::{Camera, Instance, Mesh, Node, Roles, Scene, Transform, Vertex};
+use accessor::{Buffers, floats, indices};
 use glam::{Mat4, Quat, Vec3, Vec4};
 use gltf::json::validation::Validate;
 use gltf::mesh::Mode;
 use gltf::{Gltf, Semantic};
+use material::Materials;
 use std::collections::HashMap;
+use uri::read_uri;
 
 /// Objects in the JSON text at most: each costs a few hundred bytes, however short its text.
 const MAX_OBJECTS: usize = 1 << 20;
@@ -53,7 +61,7 @@ pub(super) fn read(bytes: &[u8], mut files: Files) -> Result<Scene> {
     for note in materials.notes {
         add_note(&mut scene.notes, note);
     }
-    gltf_animation::read(&gltf, &buffers, &places, &mut scene)?;
+    animation::read(&gltf, &buffers, &places, &mut scene)?;
     scene.camera = camera(&gltf, &places, &scene);
     Ok(scene)
 }
@@ -115,42 +123,6 @@ fn read_buffers(gltf: &Gltf, files: &mut Files) -> Result<Buffers> {
                 .map_err(|error| error.at(format_args!("buffer {}", buffer.index())))
         })
         .collect()
-}
-
-/// The data of a data URI (base64), or of a file that a relative URI names.
-pub(super) fn read_uri(uri: &str, files: &mut Files) -> Result<Vec<u8>> {
-    let Some(data) = uri.strip_prefix("data:") else {
-        return files.read(&percent_decoded(uri)?);
-    };
-    let Some((_, text)) = data.split_once(";base64,") else {
-        return Err(Error::usage(format!("`{}` is a data URI, but not one of base64", short(uri))));
-    };
-    // Some writers leave the padding out.
-    let lenient = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
-    GeneralPurpose::new(&STANDARD, lenient)
-        .decode(text)
-        .map_err(|error| Error::usage("holds a data URI that is no base64").because(error))
-}
-
-/// RFC 3986: `%20` is a space.
-fn percent_decoded(uri: &str) -> Result<String> {
-    let wrong =
-        || Error::usage(format!("`{}` is no URI: a percent sign without two hexadecimal digits", short(uri)));
-    let mut parts = uri.split('%');
-    let mut bytes = parts.next().unwrap_or_default().as_bytes().to_vec();
-    for part in parts {
-        let (digits, rest) = part.split_at_checked(2).ok_or_else(wrong)?;
-        bytes.push(u8::from_str_radix(digits, 16).map_err(|_| wrong())?);
-        bytes.extend_from_slice(rest.as_bytes());
-    }
-    String::from_utf8(bytes).map_err(|_| wrong())
-}
-
-pub(super) fn add_note(notes: &mut Vec<String>, note: impl Into<String>) {
-    let note = note.into();
-    if !notes.contains(&note) {
-        notes.push(note);
-    }
 }
 
 struct Reader<'a> {

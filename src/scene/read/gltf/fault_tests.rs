@@ -1,6 +1,6 @@
-use super::built_in_tests::assert_sound;
-use super::gltf_tests::{Document, load_bytes};
-use super::*;
+use super::tests::{Document, load_bytes};
+use crate::scene::built_in_tests::assert_sound;
+use crate::scene::*;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;

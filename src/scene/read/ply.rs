@@ -3,15 +3,18 @@
 //!
 //! Polygons become fans of triangles, which is right for convex ones. Colours are taken as sRGB, as 3D scanners and
 //! MeshLab write them; 8 and 16 bits are scaled to [0, 1]. With colours the surface is Lambert white times the
-//! colour, without it is [`GREY`](super::obj_file::GREY). Of ascii files `ply-rs-bw` reads plain decimal numbers
+//! colour, without it is [`GREY`](crate::scene::GREY). Of ascii files `ply-rs-bw` reads plain decimal numbers
 //! only, no `nan`, `.5` or `5.`.
 
-use super::file::{Budget, MAX_TRIANGLES, MAX_VERTICES, linear_from_srgb, short};
-use super::mesh::{check, drop_zero_area};
-use super::normals::fill_normals;
-use super::obj_file::{GREY, normal_notes, single};
-use super::{Material, Mesh, Scene, Vertex};
+use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
+use super::files::short;
+use super::linear_from_srgb;
+use super::notes::normal_notes;
 use crate::error::{Error, Result};
+use crate::scene::material::GREY;
+use crate::scene::mesh::{check, drop_zero_area};
+use crate::scene::normals::fill_normals;
+use crate::scene::{Material, Mesh, Scene, Vertex};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{
     ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
@@ -48,7 +51,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scene> {
     normal_notes(&mut notes, dropped, if has("nx") { given } else { 0 });
     let material = Material::lambert([if has("red") { 1.0 } else { GREY }; 3]);
     let meshes = if indices.is_empty() { Vec::new() } else { vec![Mesh::new(vertices, indices, 0)] };
-    Ok(single(meshes, vec![material], Vec::new(), notes))
+    Ok(Scene::of_meshes(meshes, vec![material], Vec::new(), notes))
 }
 
 fn damaged(error: ParseError) -> Error {

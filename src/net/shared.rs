@@ -1,0 +1,141 @@
+//! What the connections of a server share.
+
+use super::access::Names;
+use super::{Board, ServerOptions};
+use crate::rt::{Counter, Metrics};
+use axum::body::Bytes;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+use tokio::sync::watch;
+
+/// What all connections share.
+pub(super) struct Shared {
+    pub board: Arc<Board>,
+    pub names: Names,
+    pub metrics: Arc<Metrics>,
+    pub counters: Counters,
+    /// The newest map as PNG and as OpenEXR.
+    pub maps: [Arc<tokio::sync::Mutex<Option<EncodedMap>>>; 2],
+    options: RwLock<Arc<ServerOptions>>,
+    clients: AtomicUsize,
+    phase: watch::Sender<Phase>,
+}
+
+/// What sessions have to know of the server.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// It serves by the rules of this number.
+    Serving(u64),
+    /// It takes nobody any more.
+    Ending,
+}
+
+/// What the server counts.
+pub(super) struct Counters {
+    pub lists_sent: Counter,
+    pub lists_lost: Counter,
+    pub bytes_sent: Counter,
+    pub refused: Counter,
+    pub bad_messages: Counter,
+    pub floods: Counter,
+    pub silent: Counter,
+}
+
+/// Whose connection a request came over.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Peer(pub SocketAddr);
+
+/// The connection slot of a client; free again when dropped.
+pub(super) struct ConnectionSlot(Arc<Shared>);
+
+/// A map as a file.
+#[derive(Clone)]
+pub(super) struct EncodedMap {
+    /// How many were on the board before it.
+    pub number: u64,
+    pub sequence: u64,
+    pub theta_max_rad: f64,
+    pub bytes: Bytes,
+}
+
+impl Shared {
+    /// What the connections of a new server share: what clients ask for is on `board`, who gets in is up to `options`.
+    pub fn new(board: &Arc<Board>, names: Names, options: ServerOptions) -> Self {
+        let metrics = Metrics::new("serve");
+        Self {
+            board: board.clone(),
+            names,
+            counters: Counters::new(&metrics),
+            metrics,
+            maps: Default::default(),
+            options: RwLock::new(Arc::new(options)),
+            clients: AtomicUsize::new(0),
+            phase: watch::Sender::new(Phase::Serving(0)),
+        }
+    }
+
+    pub fn options(&self) -> Arc<ServerOptions> {
+        self.options.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Serves by other rules from now on; sessions hear of it where they changed.
+    pub fn set_options(&self, options: ServerOptions) {
+        let mut kept = self.options.write().unwrap_or_else(PoisonError::into_inner);
+        if **kept != options {
+            *kept = Arc::new(options);
+            self.phase.send_modify(|phase| {
+                if let Phase::Serving(rules) = phase {
+                    *rules += 1;
+                }
+            });
+        }
+    }
+
+    /// Takes nobody any more; sessions hear of it.
+    pub fn end(&self) {
+        self.phase.send_replace(Phase::Ending);
+    }
+
+    pub fn phase(&self) -> watch::Receiver<Phase> {
+        self.phase.subscribe()
+    }
+
+    pub fn client_count(&self) -> u64 {
+        self.clients.load(Ordering::Acquire) as u64
+    }
+
+    /// A connection slot for a client, if fewer than `most` are taken.
+    pub fn admit(self: &Arc<Self>, most: usize) -> Option<ConnectionSlot> {
+        self.clients
+            .fetch_update(Ordering::AcqRel, Ordering::Acquire, |count| (count < most).then_some(count + 1))
+            .ok()
+            .map(|_| ConnectionSlot(self.clone()))
+    }
+}
+
+impl std::fmt::Debug for Shared {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("Shared").field("clients", &self.clients).finish_non_exhaustive()
+    }
+}
+
+impl Drop for ConnectionSlot {
+    fn drop(&mut self) {
+        self.0.clients.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+impl Counters {
+    fn new(metrics: &Metrics) -> Self {
+        Self {
+            lists_sent: metrics.frames.clone(),
+            lists_lost: metrics.drops.clone(),
+            bytes_sent: metrics.counter("bytes sent"),
+            refused: metrics.counter("requests refused"),
+            bad_messages: metrics.counter("bad messages"),
+            floods: metrics.counter("clients that sent too many messages"),
+            silent: metrics.counter("clients that went silent"),
+        }
+    }
+}

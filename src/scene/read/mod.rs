@@ -1,0 +1,96 @@
+//! Readers of scenes: which kind of file one is, and whether there is anything to see in it.
+
+mod budget;
+mod files;
+mod gltf;
+#[cfg(test)]
+mod mesh_file_tests;
+mod notes;
+mod obj;
+mod ply;
+
+pub use budget::{MAX_TRIANGLES, MAX_VERTICES};
+pub use files::MAX_BYTES;
+pub(super) use files::short;
+
+use super::Scene;
+use crate::error::{Error, Result};
+use files::{Files, contained};
+use glam::Mat4;
+use lightcast_core::math;
+use std::path::Path;
+
+/// Largest coordinate, in the world at time 0: its square, and that of its square, still are f32.
+pub const MAX_COORDINATE: f32 = 1e9;
+
+impl Scene {
+    /// Reads a scene.
+    ///
+    /// | file | what is read |
+    /// |---|---|
+    /// | glTF 2.0, `.glb` or `.gltf` | the default scene: meshes, metal-rough materials, textures, animation of nodes, the first camera |
+    /// | Wavefront `.obj` | polygons, normals, texture coordinates, vertex colours; of `.mtl` `Kd`, `Ks`, `Ns`, `Ke`, `d`, `map_Kd` |
+    /// | `.ply`, ascii or binary | polygons, normals, texture coordinates, vertex colours |
+    ///
+    /// glTF and PLY files are known by their first bytes, OBJ files, which have none of their own, by their name.
+    /// Units and axes are taken as they are. What files refer to lies in their folder or below it. What is left out
+    /// stands in [`Scene::notes`].
+    ///
+    /// # Errors
+    ///
+    /// Of kind [`Usage`](crate::error::Kind::Usage), naming the file: missing, empty, truncated, damaged, of no
+    /// known kind, larger than the limits of this module, without a triangle; references to files that are missing
+    /// or lie elsewhere; indices of what is not there; numbers that are not finite; trees with cycles. No content of
+    /// a file panics.
+    pub fn load(path: &Path) -> Result<Self> {
+        contained(|| load_by_kind(path)).map_err(|error| error.at(path))
+    }
+}
+
+fn load_by_kind(path: &Path) -> Result<Scene> {
+    let mut files = Files::beside(path);
+    let bytes = files.read_path(path)?;
+    let has_extension =
+        |wanted: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted));
+    let first = bytes.trim_ascii_start().first();
+    let scene = match bytes.as_slice() {
+        [] => return Err(Error::usage("is empty")),
+        [b'g', b'l', b'T', b'F', ..] => gltf::read(&bytes, files)?,
+        [b'p', b'l', b'y', b'\n' | b'\r', ..] => ply::read(&bytes)?,
+        _ if first == Some(&b'{') || has_extension("gltf") => gltf::read(&bytes, files)?,
+        _ if has_extension("obj") => obj::read(&bytes, files)?,
+        _ => {
+            return Err(Error::usage(format!(
+                "is neither glTF nor PLY (it begins with the bytes {:02x?}), nor is it called .obj; give one of these",
+                &bytes[..bytes.len().min(8)]
+            )));
+        }
+    };
+    check_whole(&scene)?;
+    Ok(scene)
+}
+
+/// Refuses scenes in which nothing can be seen.
+fn check_whole(scene: &Scene) -> Result<()> {
+    if scene.instances.is_empty() {
+        let notes =
+            if scene.notes.is_empty() { String::new() } else { format!(": {}", scene.notes.join("; ")) };
+        return Err(Error::usage(format!("has no triangle to show{notes}")));
+    }
+    let mut world_from_mesh = Vec::new();
+    scene.pose(0.0, &mut world_from_mesh);
+    let bounds = scene.bounds(&world_from_mesh);
+    let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    if largest.is_nan() || largest > MAX_COORDINATE || world_from_mesh.contains(&Mat4::ZERO) {
+        return Err(Error::usage(format!(
+            "reaches from {} to {}; coordinates are read up to {MAX_COORDINATE:e}: scale it down",
+            bounds.min, bounds.max
+        )));
+    }
+    Ok(())
+}
+
+/// Linear value of an sRGB value of a file; what lies outside [0, 1] is cut off.
+fn linear_from_srgb(value: f32) -> f32 {
+    math::linear_from_srgb(value.clamp(0.0, 1.0))
+}
