@@ -31,6 +31,14 @@ pub struct Ends {
     pub readers: Vec<ListReader>,
 }
 
+impl Ends {
+    /// Whether anybody wants light lists: else none are made.
+    pub(super) fn want_lists(&self) -> bool {
+        let Self { recording: _, maps: _, lists, board, output, pictures, readers } = self;
+        lists.is_some() || board.is_some() || output.is_some() || pictures.is_some() || !readers.is_empty()
+    }
+}
+
 /// Where light lists are written.
 pub struct Output {
     /// What messages call it: a path, or "standard output".

@@ -162,6 +162,7 @@ impl Service {
 
 /// Everything that makes lights of frames, and everybody who gets them, in the order of the data.
 fn light_graph(config: &Config, input: Input, mut ends: Ends, shutdown: &Shutdown) -> Result<Graph> {
+    let wants_lists = ends.want_lists();
     let opened = Opened::new(config, &input, &mut ends, shutdown)?;
     let Ends { maps: maps_in, lists: lists_in, board, pictures, readers, .. } = ends;
     // Where clients are served, an end that goes or is slow is its own affair.
@@ -197,6 +198,9 @@ fn light_graph(config: &Config, input: Input, mut ends: Ends, shutdown: &Shutdow
         (metrics, stage::Picture::new(maps.copies(link, every), folder))
     });
 
+    if !wants_lists {
+        return Ok(graph);
+    }
     let maps = maps.next(connect(config.links, shutdown, black));
     let lists = graph.stage(Metrics::new("light"), opened.light, maps, ReferencedList::default());
 

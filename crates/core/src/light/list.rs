@@ -22,6 +22,7 @@ pub struct Light {
 
 impl Light {
     /// Luminous irradiance.
+    #[inline]
     pub fn luminance(&self) -> f32 {
         luminance(self.irradiance)
     }
