@@ -7,7 +7,7 @@ use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast_core::image::{PolarMap, PolarShape};
 use lightcast_core::light::ReferencedList;
 use lightcast_core::light::error::ListError;
-use lightcast_core::light::{Extractor, LightList, MapIrradiance, Options};
+use lightcast_core::light::{Extractor, MapIrradiance, Options};
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 
