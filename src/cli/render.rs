@@ -1,3 +1,4 @@
+mod look;
 mod stream;
 mod values;
 mod window;
@@ -11,7 +12,7 @@ use crate::compare::{self, AnyExtractor, Inversion};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
-use crate::render::{Options, Renderer, emitters};
+use crate::render::{self, Options, Renderer, emitters};
 use crate::rt::Shutdown;
 use crate::rt::stage::{self as stages, Stage};
 use crate::scene::{Camera, Scene, Shading};
@@ -145,6 +146,9 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
 
+    #[command(flatten)]
+    look: look::Look,
+
     /// Graphics interface. OpenGL is for trials: some of its drivers draw wrong pictures without an error.
     #[arg(long, value_enum, default_value_t = BackendName::Vulkan)]
     backend: BackendName,
@@ -187,6 +191,8 @@ fn options(arguments: &Arguments) -> Options {
         shadow_map_px: arguments.shadow_map_size,
         soft_samples: arguments.soft_samples,
         clusters: arguments.clusters,
+        lighting: arguments.look.lighting(),
+        ground_albedo: arguments.look.ground_albedo(),
         ..Options::default()
     }
 }
@@ -196,8 +202,14 @@ fn renderer(arguments: &Arguments) -> Result<Renderer> {
     let gpu = Gpu::open(&Gpu::instance(backend(arguments)), None)?;
     tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
     let mut renderer = Renderer::new(gpu, scene, &options(arguments))?;
+    renderer.set_look(&look(arguments)?)?;
     renderer.pose(arguments.time);
     Ok(renderer)
+}
+
+fn look(arguments: &Arguments) -> Result<render::Look> {
+    let is_panorama = Input::of(&arguments.input) == Input::Panorama;
+    arguments.look.of_pictures(is_panorama.then_some(arguments.input.as_path()))
 }
 
 fn samples(arguments: &Arguments) -> u32 {
@@ -205,8 +217,12 @@ fn samples(arguments: &Arguments) -> u32 {
 }
 
 fn scene(arguments: &Arguments) -> Result<Scene> {
-    let Some(path) = &arguments.scene else { return Ok(Scene::built_in()) };
-    load_scene(path, arguments.ground)
+    let mut scene = match &arguments.scene {
+        Some(path) => load_scene(path, arguments.ground)?,
+        None => Scene::built_in(),
+    };
+    arguments.look.set_roles(&mut scene)?;
+    Ok(scene)
 }
 
 /// A scene file, with warnings of what it has that is not shown.

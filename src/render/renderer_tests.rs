@@ -1,5 +1,5 @@
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{Lightings, Options, Renderer};
 use crate::gpu::Gpu;
 use crate::scene::{Camera, Material, Scene, Shading};
 use glam::{Quat, Vec3};
@@ -17,6 +17,8 @@ const SMALL: Options = Options {
     region_lights: 216,
     count_lights: true,
     clusters: None,
+    lighting: Lightings::ALL,
+    ground_albedo: 0.0,
 };
 
 fn renderer(scene: Scene, options: &Options) -> Option<Renderer> {

@@ -88,7 +88,7 @@ impl View {
         camera: FirstCamera,
     ) -> Result<Self> {
         let opened = Instant::now();
-        let Settings { name, backend, options, samples, budget, time_s, map } = settings;
+        let Settings { name, backend, options, samples, budget, time_s, look, map } = settings;
         let budget = budget.map(Budget::new).transpose()?;
         let attributes = Window::default_attributes()
             .with_title(Title { name: &name, ..Title::default() }.text())
@@ -100,6 +100,7 @@ impl View {
         let (screen, gpu) = Screen::new(Gpu::instance(backend), window.clone())?;
         tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
         let mut renderer = Renderer::for_screen(gpu, scene, &options, screen.format())?;
+        renderer.set_look(&look)?;
         renderer.pose(time_s);
         let first_camera = camera(&renderer)?;
         let quality = reserved(renderer.options());

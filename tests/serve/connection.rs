@@ -69,7 +69,7 @@ impl Posting {
         line.unwrap_or_else(|| panic!("no {name} in\n{body}")).rsplit(' ').next().unwrap().parse().unwrap()
     }
 
-    /// Waits until so many clients are connected.
+    /// Waits until that many clients are connected.
     #[track_caller]
     pub fn wait_for_clients(&self, count: f64) {
         wait_until(|| self.metric("lightcast_clients") == count);

@@ -2,7 +2,7 @@
 
 use super::stream::{pass_on, server};
 use super::values::Input;
-use super::{Arguments, backend, camera, lights_of_map, no_reference, options, scene};
+use super::{Arguments, backend, camera, lights_of_map, look, no_reference, options, scene};
 use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::signals::SignalWatch;
 use crate::config::{Config, Pace};
@@ -53,6 +53,11 @@ fn show(
     map: PolarMap,
     closing: &Shutdown,
 ) -> Result<()> {
+    if arguments.look.is_transparent() {
+        return Err(Error::usage(
+            "a window has nothing behind it to be seen; give --background transparent with --output",
+        ));
+    }
     let options = options(arguments);
     let name = arguments.input.file_name().and_then(OsStr::to_str).unwrap_or("lights").to_owned();
     let budget = arguments.budget.map(|budget_ms| {
@@ -73,6 +78,7 @@ fn show(
         samples: arguments.samples.unwrap_or(1),
         budget,
         time_s: arguments.time,
+        look: look(arguments)?,
         map,
     };
     let first_camera = Box::new(|renderer: &crate::render::Renderer| camera(arguments, renderer));
