@@ -13,7 +13,7 @@ use lightcast_core::camera::{
     SensorNoise,
 };
 use lightcast_core::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
-use lightcast_core::light::{Extractor, LightList, Options, Sampler};
+use lightcast_core::light::{Extractor, Options, ReferencedList, Sampler};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -152,11 +152,11 @@ impl Stage for Camera {
 struct End;
 
 impl Stage for End {
-    type Input = LightList;
+    type Input = ReferencedList;
     type Output = ();
 
-    fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
-        assert!(list.power[1] > 0.0 && list.filter_delay_frames > 0);
+    fn step(&mut self, list: &ReferencedList, (): &mut ()) -> Result<Flow> {
+        assert!(list.list.power[1] > 0.0 && list.list.filter_delay_frames > 0);
         Ok(Flow::Send)
     }
 }
@@ -199,8 +199,8 @@ fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
     let metrics = ["camera", "calibrate", "light", "filter", "end"].map(Metrics::new);
     let (frames_in, frames_out) = bounded(2, &shutdown, Frame::default);
     let (maps_in, maps_out) = bounded(2, &shutdown, || PolarMap::black(shape));
-    let (lists_in, lists_out) = bounded(2, &shutdown, LightList::default);
-    let (filtered_in, filtered_out) = bounded(2, &shutdown, LightList::default);
+    let (lists_in, lists_out) = bounded(2, &shutdown, ReferencedList::default);
+    let (filtered_in, filtered_out) = bounded(2, &shutdown, ReferencedList::default);
     let mut counts = [Allocations::default(); 3];
     let [of_calibrate, of_light, of_filter] = &mut counts;
     let disturbed = Disturbed { stage: Filter(filter), disturb, taken: Vec::with_capacity(1000) };
@@ -235,10 +235,10 @@ struct Disturbed {
 }
 
 impl Stage for Disturbed {
-    type Input = LightList;
-    type Output = LightList;
+    type Input = ReferencedList;
+    type Output = ReferencedList;
 
-    fn step(&mut self, input: &LightList, output: &mut LightList) -> Result<Flow> {
+    fn step(&mut self, input: &ReferencedList, output: &mut ReferencedList) -> Result<Flow> {
         (self.disturb)(&mut self.taken);
         self.stage.step(input, output)
     }

@@ -5,8 +5,9 @@ use lightcast::design::{FilterOptions, RateFilter};
 use lightcast::picture::{Panel, Plot, Series};
 use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::error::ListError;
-use lightcast_core::light::{Extractor, LightList, MapIrradiance, Options};
+use lightcast_core::light::{Extractor, MapIrradiance, Options};
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 
@@ -61,7 +62,7 @@ pub fn run() -> String {
             costs.push(cost);
         }
     }
-    let (mut step, mut filtered) = (super::chain(), LightList::default());
+    let (mut step, mut filtered) = (super::chain(), ReferencedList::default());
     let whole_ms = median_ms(|_| step(&mut filtered));
     println!("raw 640x480 to {} filtered adaptive lights: {whole_ms:.4} ms", super::LIGHTS);
     let by_pixels: Vec<_> = costs.iter().filter(|cost| cost.lights == FIXED_LIGHTS).collect();
@@ -110,16 +111,16 @@ fn steps(shape: PolarShape, lights: usize, matrix_ms: f64) -> [f64; STEPS.len()]
     let map = scene::map(shape);
     let mut extractor =
         Extractor::new(shape, &Options { count: lights, ..Options::default() }).expect("sound options");
-    let (mut list, mut filtered) = (LightList::default(), LightList::default());
+    let (mut list, mut filtered) = (ReferencedList::default(), ReferencedList::default());
     extractor.step(&map, &mut list);
-    let extract_ms = median_ms(|_| extractor.extract(black_box(&map), &mut list));
+    let extract_ms = median_ms(|_| extractor.extract(black_box(&map), &mut list.list));
     let (mut irradiance, mut reference) = (MapIrradiance::new(shape), Vec::new());
     let map_ms = median_ms(|_| irradiance.reference(black_box(&map), &mut reference));
     let mut error = ListError::new();
     let error_ms = median_ms(|_| error.measure(black_box(&mut list)));
     let mut filter = RateFilter::new(&FilterOptions::default()).expect("sound options");
     let filter_ms = median_ms(|time| {
-        list.stamp = scene::stamp(time as u64);
+        list.list.stamp = scene::stamp(time as u64);
         filter.step(black_box(&list), &mut filtered).expect("a rate that a filter can be made for");
     });
     [matrix_ms, extract_ms, map_ms, filter_ms, error_ms]

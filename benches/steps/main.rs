@@ -15,6 +15,7 @@ use lightcast::design::{FilterOptions, RateFilter};
 use lightcast::wire::{Delivery, Message, binary, json, write_list_line};
 use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast_core::image::{Bayer, Frame, PolarMap, PolarShape, luminance};
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::error::ListError;
 use lightcast_core::light::{
     Extractor, LightList, MapIrradiance, NearestSites, Options, RegionLists, Regions, cluster,
@@ -107,9 +108,9 @@ fn lights(criterion: &mut Criterion, table: &mut table::Table, shape: PolarShape
     let points = sample_points(LIGHTS, 4);
     let mut extractor =
         Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
-    let mut list = LightList::default();
+    let mut list = ReferencedList::default();
     extractor.step(&map, &mut list);
-    let sites: Vec<[f32; 3]> = list.lights.iter().map(|light| light.direction).collect();
+    let sites: Vec<[f32; 3]> = list.list.lights.iter().map(|light| light.direction).collect();
     let mut nearest_sites = NearestSites::new(shape, LIGHTS);
     let mut nearest = vec![0; shape.len()];
     let (mut irradiance, mut reference) = (MapIrradiance::new(shape), Vec::new());
@@ -130,7 +131,7 @@ fn lights(criterion: &mut Criterion, table: &mut table::Table, shape: PolarShape
         bencher.iter(|| nearest_sites.assign(black_box(&sites), &mut nearest));
     });
     group.bench_function("assignment and refinement", |bencher| {
-        bencher.iter(|| extractor.extract(black_box(&map), &mut list));
+        bencher.iter(|| extractor.extract(black_box(&map), &mut list.list));
     });
     group.bench_function("error estimate, map", |bencher| {
         bencher.iter(|| irradiance.reference(black_box(&map), &mut reference));
@@ -141,7 +142,7 @@ fn lights(criterion: &mut Criterion, table: &mut table::Table, shape: PolarShape
     group.finish();
 
     let paper = |figure: &'static str| (shape.columns() == 360).then_some(figure);
-    let error = format!("error {:.5}", list.error.expect("measured"));
+    let error = format!("error {:.5}", list.list.error.expect("measured"));
     table.row(&name, "CDFs, standard", None, String::new());
     table.row(&name, "CDFs, bicontinuous", paper("CDFs and power < 2 ms"), String::new());
     table.row(&name, "300 samples, standard", None, String::new());
@@ -158,7 +159,7 @@ fn for_rendering(criterion: &mut Criterion, table: &mut table::Table) {
     let mut extractor =
         Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
     let mut list = LightList::default();
-    extractor.step(&scene::map(shape), &mut list);
+    extractor.extract(&scene::map(shape), &mut list);
     let (mut clusters, mut places) = (Vec::new(), Vec::new());
     let (regions, mut lists) = (Regions::for_normals(), RegionLists::default());
     // Each once, for the remarks of a table of which only some rows are measured.
@@ -185,7 +186,7 @@ fn messages(criterion: &mut Criterion, table: &mut table::Table) {
     let mut extractor =
         Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
     let mut list = LightList::default();
-    extractor.step(&scene::map(shape), &mut list);
+    extractor.extract(&scene::map(shape), &mut list);
     let (mut body, mut bytes, mut object, mut text) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (delivery, mut message) = (Delivery::default(), Message::default());
     // Each once: a benchmark that is measured alone has the input that another makes.
@@ -224,7 +225,7 @@ fn messages(criterion: &mut Criterion, table: &mut table::Table) {
 }
 
 /// All steps from a raw frame of 640 x 480 to the list that leaves.
-fn chain() -> impl FnMut(&mut LightList) {
+fn chain() -> impl FnMut(&mut ReferencedList) {
     let shape = PolarShape::hemisphere(360, 90);
     let (lens, response) = (scene::lens(640, 480), scene::response());
     let frames: Vec<_> = (0..16).map(|time| scene::raw_frame(&lens, &response, time)).collect();
@@ -233,7 +234,7 @@ fn chain() -> impl FnMut(&mut LightList) {
     let mut extractor =
         Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
     let mut filter = RateFilter::new(&FilterOptions::default()).expect("sound options");
-    let (mut map, mut list) = (PolarMap::black(shape), LightList::default());
+    let (mut map, mut list) = (PolarMap::black(shape), ReferencedList::default());
     let mut time = 0u64;
     move |filtered| {
         matrix.apply(&frames[time as usize % frames.len()], &response, &mut map).expect("frames match");
@@ -246,21 +247,21 @@ fn chain() -> impl FnMut(&mut LightList) {
 
 /// The filter, and all steps together.
 fn whole(criterion: &mut Criterion, table: &mut table::Table) {
-    let (mut step, mut filtered) = (chain(), LightList::default());
+    let (mut step, mut filtered) = (chain(), ReferencedList::default());
     let mut group = criterion.benchmark_group("whole");
     group.bench_function("raw 640x480 to 300 filtered adaptive lights", |bencher| {
         bencher.iter(|| step(black_box(&mut filtered)));
     });
     let (mut filter, mut after) =
-        (RateFilter::new(&FilterOptions::default()).expect("sound options"), LightList::default());
-    let mut lists: Vec<LightList> = (0..16).map(|_| filtered.clone()).collect();
+        (RateFilter::new(&FilterOptions::default()).expect("sound options"), ReferencedList::default());
+    let mut lists: Vec<ReferencedList> = (0..16).map(|_| filtered.clone()).collect();
     let mut time = 0u64;
     group.bench_function("filter of 300 lights, its error included", |bencher| {
         bencher.iter_batched_ref(
             || {
                 time += 1;
                 let list = &mut lists[time as usize % 16];
-                list.stamp = scene::stamp(time);
+                list.list.stamp = scene::stamp(time);
                 list.clone()
             },
             |list| filter.step(black_box(list), &mut after).expect("a rate that a filter can be made for"),
@@ -273,6 +274,6 @@ fn whole(criterion: &mut Criterion, table: &mut table::Table) {
         "whole",
         "raw 640x480 to 300 filtered adaptive lights",
         Some("map to clustered lights < 5 ms"),
-        format!("error {:.5}", filtered.error.expect("measured")),
+        format!("error {:.5}", filtered.list.error.expect("measured")),
     );
 }

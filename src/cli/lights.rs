@@ -4,8 +4,9 @@ use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::{Error, Result};
 use crate::wire::write_list_line;
 use clap::ValueEnum;
+
 use lightcast_core::light::error::ListError;
-use lightcast_core::light::{self, LightList};
+use lightcast_core::light::{self, ReferencedList};
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 
@@ -100,10 +101,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             InversionName::Standard => Inversion::Standard,
         },
     };
-    let mut list = LightList::default();
+    let mut list = ReferencedList::default();
     AnyExtractor::new(map.shape, &options)?.step(&map, &mut list);
     ListError::new().measure(&mut list);
-    match write_list_line(&list, io::stdout().lock()) {
+    match write_list_line(&list.list, io::stdout().lock()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Error::failed("standard output cannot be written").because(error))
         }

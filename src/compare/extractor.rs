@@ -5,6 +5,7 @@ use super::structured::structured;
 use super::variance_minimisation::variance_minimisation;
 use crate::error::{Error, Result};
 use lightcast_core::image::{PolarMap, PolarShape, luminance};
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::{
     self, Extractor, LightList, MapIrradiance, Voronoi, dampened_luminance, equal_power,
 };
@@ -103,12 +104,12 @@ impl AnyExtractor {
     ///
     /// # Panics
     /// If the map is not of this extractor's shape.
-    pub fn step(&mut self, map: &PolarMap, list: &mut LightList) {
+    pub fn step(&mut self, map: &PolarMap, referenced: &mut ReferencedList) {
         match &mut self.0 {
-            Method::Live(extractor) => extractor.step(map, list),
+            Method::Live(extractor) => extractor.step(map, referenced),
             Method::Other { other, count, map_irradiance } => {
-                other.extract(map, *count, list);
-                map_irradiance.reference(map, &mut list.reference_irradiance);
+                other.extract(map, *count, &mut referenced.list);
+                map_irradiance.reference(map, &mut referenced.reference_irradiance);
             }
         }
     }

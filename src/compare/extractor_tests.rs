@@ -4,6 +4,7 @@ use super::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::Kind;
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::error::ListError;
 use lightcast_core::light::{self, LightList};
 use lightcast_core::test_data::{check_dark, check_hard, check_list, hard_maps, real_maps};
@@ -23,11 +24,11 @@ const METHODS: [(Sampler, Inversion); 7] = [
 ];
 
 fn extract(map: &PolarMap, count: usize, (sampler, inversion): (Sampler, Inversion)) -> LightList {
-    let mut list = LightList::default();
+    let mut list = ReferencedList::default();
     let options = Options { count, sampler, inversion };
     AnyExtractor::new(map.shape, &options).unwrap().step(map, &mut list);
     ListError::new().measure(&mut list);
-    list
+    list.list
 }
 
 #[test]

@@ -4,6 +4,7 @@ use crate::rt::{CaptureEpoch, Metrics};
 use crate::wire::{QUEUE_MAX, Subscription, binary, write_list};
 use axum::body::Bytes;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::error::ListError;
 use lightcast_core::light::{LightList, Prefixes};
 use std::collections::VecDeque;
@@ -39,6 +40,8 @@ pub(super) struct Post {
     /// How many were posted before it.
     pub number: u64,
     pub list: LightList,
+    /// What the errors of its prefixes are measured against.
+    reference_irradiance: Vec<f32>,
     pub capture_monotonic_ns: Option<i64>,
     forms: Mutex<Vec<Form>>,
 }
@@ -75,8 +78,9 @@ impl Default for Board {
 }
 
 impl Board {
-    /// Puts a copy of `list` up; its capture time is as `epoch` says.
-    pub fn post(&self, list: &LightList, epoch: &CaptureEpoch) {
+    /// Puts a copy of a list up; its capture time is as `epoch` says.
+    pub fn post(&self, referenced: &ReferencedList, epoch: &CaptureEpoch) {
+        let ReferencedList { list, reference_irradiance } = referenced;
         let capture_monotonic_ns = epoch.monotonic_ns(list.stamp.capture_time_ns);
         {
             let mut lists = lock(&self.lists);
@@ -87,6 +91,7 @@ impl Board {
             let post = Arc::get_mut(&mut slot).expect("the board alone has it");
             post.number = number;
             post.list.copy_from(list);
+            post.reference_irradiance.clone_from(reference_irradiance);
             post.capture_monotonic_ns = capture_monotonic_ns;
             post.forms.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
             lists.posts.push_back(slot);
@@ -160,7 +165,7 @@ impl Board {
         }
         let mut body = Vec::new();
         let encoded = if light_count < post.list.lights.len() {
-            encode(lock(&self.shortener).shorten(&post.list, light_count), is_binary, &mut body)
+            encode(lock(&self.shortener).shorten(post, light_count), is_binary, &mut body)
         } else {
             encode(&post.list, is_binary, &mut body)
         };
@@ -175,8 +180,8 @@ impl Board {
 
 impl Shortener {
     /// The prefix of `count` lights, with its own error and the same power.
-    fn shorten(&mut self, list: &LightList, count: usize) -> &LightList {
-        let short = &mut self.list;
+    fn shorten(&mut self, post: &Post, count: usize) -> &LightList {
+        let (short, list) = (&mut self.list, &post.list);
         self.prefixes.prefix(&list.lights, count, &mut short.lights);
         (short.stamp, short.filter_delay_frames, short.chosen_lights, short.power) =
             (list.stamp, list.filter_delay_frames, list.chosen_lights, list.power);
@@ -187,7 +192,7 @@ impl Shortener {
         let error = match known {
             Some(&(_, error)) => error,
             None => {
-                let error = self.error.relative_error(&short.lights, &list.reference_irradiance);
+                let error = self.error.relative_error(&short.lights, &post.reference_irradiance);
                 short.prefix_errors.push((count as u32, error));
                 error
             }
@@ -217,7 +222,7 @@ mod tests {
     use lightcast_core::image::Stamp;
     use lightcast_core::light::Light;
 
-    fn list(sequence: u64, count: u32) -> LightList {
+    fn list(sequence: u64, count: u32) -> ReferencedList {
         let lights: Vec<Light> = lightcast_core::math::fibonacci_sphere(count as usize)
             .zip(0..)
             .map(|(direction, id)| Light {
@@ -230,10 +235,11 @@ mod tests {
         let mut list = LightList::default();
         list.stamp = Stamp { sequence, frame_rate_hz: 25.0, ..Stamp::default() };
         list.lights = lights;
-        list.reference_irradiance = vec![100.0; lightcast_core::light::error::NORMAL_COUNT];
         list.power = list.sum_of_lights();
-        ListError::new().measure(&mut list);
-        list
+        let reference_irradiance = vec![100.0; lightcast_core::light::error::NORMAL_COUNT];
+        let mut referenced = ReferencedList { list, reference_irradiance };
+        ListError::new().measure(&mut referenced);
+        referenced
     }
 
     fn decoded(board: &Board, subscription: &Subscription, is_binary: bool) -> LightList {
@@ -262,7 +268,7 @@ mod tests {
         let more = Subscription { lights: Some(5000), ..all };
         assert_eq!(body.as_ptr(), board.body(&post, &more, false).unwrap().as_ptr());
         let mut line = Vec::new();
-        write_list(&whole, &mut line).unwrap();
+        write_list(&whole.list, &mut line).unwrap();
         assert_eq!(body, line);
     }
 
@@ -276,14 +282,14 @@ mod tests {
                 let short =
                     decoded(&board, &Subscription { lights: Some(count), ..Default::default() }, is_binary);
                 assert_eq!(short.lights.len(), count as usize);
-                assert_eq!(short.power, whole.power, "to the last bit");
+                assert_eq!(short.power, whole.list.power, "to the last bit");
                 assert!(short.prefix_errors.iter().all(|&(length, _)| length <= count));
                 assert_eq!(short.prefix_errors.last(), Some(&(count, short.error.unwrap())));
-                let published = whole.prefix_errors.iter().find(|&&(length, _)| length == count);
+                let published = whole.list.prefix_errors.iter().find(|&&(length, _)| length == count);
                 assert!(published.is_none_or(|&(_, error)| Some(error) == short.error), "{count}");
                 // Every light is rounded once, to f32 or to 1/1024 of an octave.
                 let tolerance = if is_binary { 4e-4 } else { 1e-6 };
-                for (sum, power) in short.sum_of_lights().into_iter().zip(whole.power) {
+                for (sum, power) in short.sum_of_lights().into_iter().zip(whole.list.power) {
                     assert!((sum / power - 1.0).abs() < tolerance, "{count}: {sum} {power}");
                 }
             }
@@ -295,9 +301,9 @@ mod tests {
         let board = Board::default();
         let whole = list(0, 100);
         board.post(&whole, &CaptureEpoch::default());
-        let (_, at_16) = whole.prefix_errors[1];
+        let (_, at_16) = whole.list.prefix_errors[1];
         let wanted = |error| Subscription { error: Some(error), ..Subscription::default() };
-        let expected = whole.prefix_errors.iter().find(|(_, error)| *error < at_16 * 1.01).unwrap().0;
+        let expected = whole.list.prefix_errors.iter().find(|(_, error)| *error < at_16 * 1.01).unwrap().0;
         assert_eq!(decoded(&board, &wanted(at_16 * 1.01), true).lights.len(), expected as usize);
         assert_eq!(decoded(&board, &wanted(1e-30), true).lights.len(), 100);
     }

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::rt::CaptureEpoch;
 use crate::rt::stage::{Flow, Stage};
 use lightcast_core::image::PolarMap;
-use lightcast_core::light::LightList;
+use lightcast_core::light::ReferencedList;
 use std::sync::Arc;
 
 /// Puts every list on a board.
@@ -22,10 +22,10 @@ impl PostLists {
 }
 
 impl Stage for PostLists {
-    type Input = LightList;
+    type Input = ReferencedList;
     type Output = ();
 
-    fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
+    fn step(&mut self, list: &ReferencedList, (): &mut ()) -> Result<Flow> {
         self.board.post(list, &self.epoch);
         Ok(Flow::Send)
     }

@@ -106,13 +106,14 @@ mod tests {
     use crate::rt::CaptureEpoch;
     use lightcast_core::image::Stamp;
     use lightcast_core::light::LightList;
+    use lightcast_core::light::ReferencedList;
 
     const FRAME_NS: i64 = 40_000_000;
 
     fn post(board: &Board, capture_time_ns: i64) {
         let mut list = LightList::default();
         list.stamp = Stamp { capture_time_ns, frame_rate_hz: 25.0, ..Stamp::default() };
-        board.post(&list, &CaptureEpoch::default());
+        board.post(&ReferencedList { list, ..ReferencedList::default() }, &CaptureEpoch::default());
     }
 
     /// Numbers and losses that a client gets at once.

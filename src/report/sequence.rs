@@ -14,6 +14,7 @@ use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::{Error, Result};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, Stamp};
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::measure::{Emitters, soft_ground_cells};
 use lightcast_core::light::{Light, LightList};
 use lightcast_core::math::angle_between;
@@ -161,14 +162,14 @@ impl Sequence {
         let mut extractor = method.extractor(self.maps[0].shape, count)?;
         let mut filter = RateFilter::new(&method.filter())?;
         let (mut before, mut after, mut times) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut list, mut filtered) = (LightList::default(), LightList::default());
+        let (mut list, mut filtered) = (ReferencedList::default(), ReferencedList::default());
         for map in &self.maps {
             let start = Instant::now();
             extractor.step(map, &mut list);
             filter.step(&list, &mut filtered)?;
             times.push(start.elapsed());
-            before.push(list.clone());
-            after.push(filtered.clone());
+            before.push(list.list.clone());
+            after.push(filtered.list.clone());
             if !goes_on() {
                 return Ok(None);
             }

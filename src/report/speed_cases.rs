@@ -4,8 +4,9 @@ use crate::error::Result;
 use crate::render::Options;
 use crate::scene::{Material, Scene, Shading};
 use lightcast_core::image::{PolarMap, PolarShape};
+
 use lightcast_core::light::error::ListError;
-use lightcast_core::light::{Extractor, Light, LightList, Options as ExtractorOptions, prefix};
+use lightcast_core::light::{Extractor, Light, Options as ExtractorOptions, ReferencedList, prefix};
 use lightcast_core::math::fibonacci_sphere;
 
 /// Size of the maps that lists are taken from.
@@ -71,12 +72,12 @@ impl Lights {
     /// As [`Extractor::new`].
     pub fn with_head(map: &PolarMap, count: usize, head_count: usize) -> Result<Self> {
         let options = ExtractorOptions { count, ..ExtractorOptions::default() };
-        let mut list = LightList::default();
+        let mut list = ReferencedList::default();
         Extractor::new(map.shape, &options)?.step(map, &mut list);
         let (mut head, mut error) = (Vec::new(), ListError::new());
-        prefix(&list.lights, head_count, &mut head);
+        prefix(&list.list.lights, head_count, &mut head);
         let error = error.relative_error(&head, &list.reference_irradiance);
-        Ok(Self { error: Some(f64::from(error)), lights: list.lights })
+        Ok(Self { error: Some(f64::from(error)), lights: list.list.lights })
     }
 
     /// `count` lights that all light everything.

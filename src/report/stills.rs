@@ -4,6 +4,7 @@ use crate::compare::still_methods::{COUNTS, METHODS, PUBLISHED_MAPS, StillMethod
 use crate::error::Result;
 use lightcast_core::image::{PolarMap, luminance_f64};
 use lightcast_core::light::LightList;
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::error::ListError;
 use lightcast_core::light::measure::{Errors, Reference};
 use std::time::{Duration, Instant};
@@ -42,14 +43,14 @@ pub struct Row {
 /// Those of [`StillMethod::extractor`].
 pub fn timed_list(method: &StillMethod, map: &PolarMap, count: usize) -> Result<(LightList, Duration)> {
     let (mut extractor, mut list_error) = (method.extractor(map.shape, count)?, ListError::new());
-    let mut run = |list: &mut LightList| {
+    let mut run = |list: &mut ReferencedList| {
         extractor.step(map, list);
         list_error.measure(list);
     };
-    let (mut judged, mut list) = (LightList::default(), LightList::default());
+    let (mut judged, mut list) = (ReferencedList::default(), ReferencedList::default());
     (0..method.frames()).for_each(|_| run(&mut judged));
     let time = median_time(|| run(&mut list));
-    Ok((judged, time))
+    Ok((judged.list, time))
 }
 
 /// Measures all methods on one map with so many lights. `goes_on` is asked after every row; when it says no, the rows

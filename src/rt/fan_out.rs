@@ -1,6 +1,6 @@
 //! The one way from a stage to several readers.
 
-use super::link::{Closed, Copied, Sender};
+use super::link::{Closed, Copied, PartOf, Sender};
 use super::stage::Outlet;
 
 /// Outlet of a stage that has any number of readers. The next stage of the chain, if there is one, gets the buffer
@@ -16,8 +16,19 @@ pub struct FanOut<T> {
 }
 
 struct End<T> {
-    items: Sender<T>,
+    items: Box<dyn Copies<T>>,
     every: Every,
+}
+
+/// The way to an end, whatever part of the items its link carries.
+trait Copies<T>: Send {
+    fn send_copy(&mut self, item: &T) -> Result<(), Closed>;
+}
+
+impl<T: Copied, P: PartOf<T>> Copies<T> for Sender<P> {
+    fn send_copy(&mut self, item: &T) -> Result<(), Closed> {
+        Self::send_copy(self, item)
+    }
 }
 
 impl<T: Copied> FanOut<T> {
@@ -31,9 +42,9 @@ impl<T: Copied> FanOut<T> {
         self.next = Some(next);
     }
 
-    /// Copies of the first item in every block of `every` sequence numbers go to `items`.
-    pub fn add(&mut self, items: Sender<T>, every: u64) {
-        self.ends.push(End { items, every: Every::new(every) });
+    /// Copies of the first item in every block of `every` sequence numbers, or of a part of it, go to `items`.
+    pub fn add<P: PartOf<T> + 'static>(&mut self, items: Sender<P>, every: u64) {
+        self.ends.push(End { items: Box::new(items), every: Every::new(every) });
     }
 }
 

@@ -30,6 +30,18 @@ pub trait Copied: Item {
     fn sequence(&self) -> Option<u64>;
 }
 
+/// What an end takes of items of another kind; of its own kind, all of it.
+pub trait PartOf<T>: Item {
+    /// Copies the part of `whole` into this buffer, without an allocation once it has grown to its size.
+    fn copy_part_of(&mut self, whole: &T);
+}
+
+impl<T: Copied> PartOf<T> for T {
+    fn copy_part_of(&mut self, whole: &T) {
+        self.copy_from(whole);
+    }
+}
+
 /// The other side of the link has gone, or the service was aborted: the stage has nothing left to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Closed;
@@ -184,12 +196,16 @@ fn overwrite<T: Item>(
     }
 }
 
-impl<T: Copied> Sender<T> {
-    /// Sends a copy of `item`; in a lossy link without a copy where there is no room.
+impl<T: Item> Sender<T> {
+    /// Sends a copy of `item`, or of the part of it that the link carries; in a lossy link without a copy where there is
+    /// no room.
     ///
     /// # Errors
     /// [`Closed`].
-    pub fn send_copy(&mut self, item: &T) -> Result<(), Closed> {
+    pub fn send_copy<W: Item>(&mut self, item: &W) -> Result<(), Closed>
+    where
+        T: PartOf<W>,
+    {
         if let Full::Drops { dropped, lost } = &mut self.when_full
             && self.full.is_full()
             && !self.is_reader_gone.load(Ordering::Acquire)
@@ -199,7 +215,7 @@ impl<T: Copied> Sender<T> {
             return Ok(());
         }
         let mut copy = self.take()?;
-        copy.copy_from(item);
+        copy.copy_part_of(item);
         self.send(copy)
     }
 }

@@ -1,7 +1,7 @@
 use super::Summary;
 use crate::error::{Error, Result};
 use crate::rt::fan_out::FanOut;
-use crate::rt::link::{Copied, Receiver, Sender};
+use crate::rt::link::{Copied, PartOf, Receiver, Sender};
 use crate::rt::stage::{self, Inlet, Nowhere, Stage};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
 use std::cell::RefCell;
@@ -40,8 +40,8 @@ impl<T: Copied> Output<T> {
         receiver
     }
 
-    /// The way to an end, for copies of the first item in every block of `every` sequence numbers.
-    pub fn copies<R>(&self, (sender, receiver): (Sender<T>, R), every: u64) -> R {
+    /// The way to an end, for copies of the first item in every block of `every` sequence numbers, or of a part of it.
+    pub fn copies<P: PartOf<T> + 'static, R>(&self, (sender, receiver): (Sender<P>, R), every: u64) -> R {
         self.change(|outlet| outlet.add(sender, every));
         receiver
     }

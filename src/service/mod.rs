@@ -29,6 +29,7 @@ use crate::rt::{Metrics, Shutdown};
 use crate::stage;
 use graph::{Departure, Graph, Running};
 use lightcast_core::image::{Frame, PolarMap};
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::{Extractor, LightList};
 use lightcast_core::temporal::Taps;
 use std::io::Write;
@@ -201,18 +202,18 @@ fn light_graph(config: &Config, input: Input, mut ends: Ends, shutdown: &Shutdow
         return Ok(graph);
     }
     let maps = maps.next(connect(config.links, shutdown, black));
-    let lists = graph.stage(Metrics::new("light"), opened.light, maps, LightList::default());
+    let lists = graph.stage(Metrics::new("light"), opened.light, maps, ReferencedList::default());
 
-    let lists = lists.next(connect(config.links, shutdown, LightList::default));
-    let filtered = graph.stage(Metrics::new("filter"), opened.filter, lists, LightList::default());
+    let lists = lists.next(connect(config.links, shutdown, ReferencedList::default));
+    let filtered = graph.stage(Metrics::new("filter"), opened.filter, lists, ReferencedList::default());
     if let Some(lists_in) = lists_in {
         filtered.copies((lists_in, ()), 1);
     }
     if let Some(board) = board {
         let metrics = Metrics::new("board");
         let link = match config.links {
-            Links::Live => link::lossy(LIST_QUEUE, metrics.drops.clone(), shutdown, LightList::default),
-            Links::Replay => link::bounded(LINK_CAPACITY, shutdown, LightList::default),
+            Links::Live => link::lossy(LIST_QUEUE, metrics.drops.clone(), shutdown, ReferencedList::default),
+            Links::Replay => link::bounded(LINK_CAPACITY, shutdown, ReferencedList::default),
         };
         graph.end(metrics, PostLists::new(board, epoch), filtered.copies(link, 1), Departure::IsTold);
     }

@@ -1,7 +1,8 @@
 use crate::error::Result;
 use crate::rt::stage::{Flow, Stage};
 use lightcast_core::image::PolarMap;
-use lightcast_core::light::{Extractor, LightList};
+
+use lightcast_core::light::{Extractor, ReferencedList};
 use std::time::Instant;
 
 /// Turns a map into lights.
@@ -9,9 +10,9 @@ pub struct Light(pub Extractor);
 
 impl Stage for Light {
     type Input = PolarMap;
-    type Output = LightList;
+    type Output = ReferencedList;
 
-    fn step(&mut self, map: &PolarMap, list: &mut LightList) -> Result<Flow> {
+    fn step(&mut self, map: &PolarMap, list: &mut ReferencedList) -> Result<Flow> {
         let start = self.0.has_budget().then(Instant::now);
         self.0.step(map, list);
         if let Some(start) = start {

@@ -22,9 +22,10 @@ pub use record::{Record, Recording, SIDECAR, radiance_within_half};
 pub use render::{Files, PictureWriter, Render};
 pub use source::Source;
 
-use crate::rt::link::{Copied, Item};
+use crate::rt::link::{Copied, Item, PartOf};
 use lightcast_core::image::{Frame, PolarMap};
 use lightcast_core::light::LightList;
+use lightcast_core::light::ReferencedList;
 
 impl Item for Frame {
     fn lost_before(&self) -> u64 {
@@ -86,5 +87,32 @@ impl Copied for LightList {
     /// frame, while the filter fills up.
     fn sequence(&self) -> Option<u64> {
         self.stamp.sequence.checked_sub(u64::from(self.filter_delay_frames))
+    }
+}
+
+impl Item for ReferencedList {
+    fn lost_before(&self) -> u64 {
+        self.list.lost_before()
+    }
+
+    fn lose(&mut self, count: u64) {
+        self.list.lose(count);
+    }
+}
+
+impl Copied for ReferencedList {
+    fn copy_from(&mut self, other: &Self) {
+        self.copy_from(other);
+    }
+
+    fn sequence(&self) -> Option<u64> {
+        self.list.sequence()
+    }
+}
+
+/// What most ends want.
+impl PartOf<ReferencedList> for LightList {
+    fn copy_part_of(&mut self, whole: &ReferencedList) {
+        self.copy_from(&whole.list);
     }
 }

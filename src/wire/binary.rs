@@ -140,7 +140,6 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     (list.stamp, list.filter_delay_frames) = (header.stamp, header.filter_delay_frames);
     list.chosen_lights = None;
     (list.power, list.error) = (header.power, Some(header.error));
-    list.reference_irradiance.clear();
     list.prefix_errors.clear();
     list.prefix_errors.extend(
         prefixes

@@ -50,8 +50,7 @@ struct Read<S> {
 /// # Errors
 /// Those of the writer.
 pub fn write_list(list: &LightList, writer: impl io::Write) -> io::Result<()> {
-    let LightList { stamp, filter_delay_frames, chosen_lights, power, error, prefix_errors, lights, .. } =
-        list;
+    let LightList { stamp, filter_delay_frames, chosen_lights, power, error, prefix_errors, lights } = list;
     let written = Written {
         version: 1,
         stamp: *stamp,
@@ -128,7 +127,6 @@ pub(super) fn read_list_with<S: DeserializeOwned>(text: &[u8], list: &mut LightL
     list.stamp = Stamp { sequence, capture_time_ns, lost_before, frame_rate_hz };
     (list.filter_delay_frames, list.chosen_lights, list.error) = (filter_delay_frames, chosen_lights, error);
     (list.prefix_errors, list.lights) = (prefix_errors, lights);
-    list.reference_irradiance.clear();
     list.power = power.unwrap_or_else(|| list.sum_of_lights());
     Ok(stream)
 }

@@ -48,7 +48,7 @@ pub struct Delivery {
 /// A message, taken apart.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Message {
-    /// The list; its `reference_irradiance` stays empty.
+    /// The list.
     pub list: LightList,
     /// What goes with it.
     pub delivery: Delivery,

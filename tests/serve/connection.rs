@@ -3,6 +3,7 @@
 use lightcast::net::{Board, Server, ServerOptions};
 use lightcast::rt::{CaptureEpoch, Shutdown};
 use lightcast_core::image::Stamp;
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::{Light, LightList};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -46,7 +47,7 @@ impl Posting {
     /// Posts lists of these sequence numbers, with 100 lights each.
     pub fn post(&self, sequences: std::ops::Range<u64>) {
         for sequence in sequences {
-            self.board.post(&list(sequence, 100), &self.epoch);
+            self.board.post(&referenced(list(sequence, 100)), &self.epoch);
         }
     }
 
@@ -105,6 +106,11 @@ pub fn list(sequence: u64, count: u32) -> LightList {
     list.prefix_errors = vec![(8, 0.1), (16, 0.04), (32, 0.015), (64, 0.004), (count, 0.001)];
     list.error = Some(0.001);
     list
+}
+
+/// A list as a service posts it.
+pub fn referenced(list: LightList) -> ReferencedList {
+    ReferencedList { list, ..ReferencedList::default() }
 }
 
 pub fn connect(request: Request, address: SocketAddr) -> Result<WebSocket<TcpStream>, tungstenite::Error> {

@@ -1,6 +1,6 @@
 //! What clients, and servers, may do wrong.
 
-use crate::connection::{LONG, Posting, close_code, connect, get, next_json, wait_until};
+use crate::connection::{LONG, Posting, close_code, connect, get, next_json, referenced, wait_until};
 use lightcast::net::{Board, Client, ClientOptions, Server, ServerOptions, Token};
 use lightcast::rt::{Metrics, Shutdown};
 use std::io::{Read, Write};
@@ -289,7 +289,7 @@ fn a_client_waits_for_a_server_that_is_not_there_yet_and_ends_when_asked() {
     shutdown.wait(Duration::from_millis(100));
     let board = Arc::new(Board::default());
     let server = Server::start(&address, &board, ServerOptions::default(), &shutdown).unwrap();
-    board.post(&crate::connection::list(0, 8), &lightcast::rt::CaptureEpoch::default());
+    board.post(&referenced(crate::connection::list(0, 8)), &lightcast::rt::CaptureEpoch::default());
     client.join(Duration::from_millis(5), || ()).unwrap();
     server.stop().unwrap();
 }

@@ -2,7 +2,7 @@
 
 use lightcast_core::error::Result;
 use lightcast_core::image::{PolarMap, PolarShape, Stamp};
-use lightcast_core::light::{Extractor, LightList, Options};
+use lightcast_core::light::{Extractor, Options, ReferencedList};
 use lightcast_core::temporal::{Directions, LightFilter, Taps};
 
 /// A low pass to 7 Hz of 25 frames a second that delays by 4 frames (Havran et al. 2005), before it is divided by its sum.
@@ -15,7 +15,7 @@ fn main() -> Result<()> {
     let shape = PolarShape::hemisphere(360, 90);
     let mut extractor = Extractor::new(shape, &Options { count: 32, ..Options::default() })?;
     let mut filter = LightFilter::new(taps, Directions::ByPower);
-    let (mut list, mut filtered) = (LightList::default(), LightList::default());
+    let (mut list, mut filtered) = (ReferencedList::default(), ReferencedList::default());
     for t in 0..20 {
         // A lamp flickers in every other frame. After the first frames nothing here allocates but the picture.
         let lamp = if t % 2 == 0 { 100.0 } else { 300.0 };
@@ -30,7 +30,7 @@ fn main() -> Result<()> {
         };
         extractor.step(&map, &mut list);
         filter.step(&list, &mut filtered);
-        println!("frame {t:2}: power {:.3} becomes {:.3}", list.power[1], filtered.power[1]);
+        println!("frame {t:2}: power {:.3} becomes {:.3}", list.list.power[1], filtered.list.power[1]);
     }
     Ok(())
 }

@@ -25,7 +25,7 @@ fn main() -> Result<()> {
     let mut extractor = Extractor::new(shape, &Options { count: 16, ..Options::default() })?;
     let (mut map, mut list) = (PolarMap::black(shape), LightList::default());
     to_polar.apply(&frame, &Response::default(), &mut map)?;
-    extractor.step(&map, &mut list);
+    extractor.extract(&map, &mut list);
 
     println!("{} lights, power {:.2?}", list.lights.len(), list.power);
     for light in list.lights.iter().filter(|light| light.luminance() > 0.0) {

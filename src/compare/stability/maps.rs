@@ -22,7 +22,7 @@ const NONE: Bound = Bound::Absolute(0.0);
 fn both(map: &PolarMap) -> Result<[Vec<Light>; 2]> {
     let options = Options { count: COUNT, ..Options::default() };
     let mut list = LightList::default();
-    Extractor::new(map.shape, &options)?.step(map, &mut list);
+    Extractor::new(map.shape, &options)?.extract(map, &mut list);
     let plain = plain_paper::lights(map, &sample_points(COUNT, options.relaxation_steps));
     Ok([list.lights, plain])
 }

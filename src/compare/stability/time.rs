@@ -7,6 +7,7 @@ use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::Result;
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape, Stamp};
+use lightcast_core::light::ReferencedList;
 use lightcast_core::light::{Extractor, Light, LightList, Options};
 use lightcast_core::math::{angle_between, direction};
 use lightcast_core::sampling::sample_points;
@@ -19,13 +20,13 @@ const DOWN: [f32; 3] = [0.0, -1.0, 0.0];
 struct Both {
     ours: RateFilter,
     plain: Option<plain_paper::Filter>,
-    filtered: LightList,
+    filtered: ReferencedList,
 }
 
 impl Both {
     fn new() -> Result<Self> {
         let ours = RateFilter::new(&FilterOptions::default())?;
-        Ok(Self { ours, plain: None, filtered: LightList::default() })
+        Ok(Self { ours, plain: None, filtered: ReferencedList::default() })
     }
 
     /// Direction and power that leave, ours and plain, when these come in at a time in frames, after `lost` lost ones.
@@ -43,10 +44,9 @@ impl Both {
             frame_rate_hz: RATE_HZ,
         };
         let lights = vec![Light { id: 0, direction, irradiance: [power; 3], spread_rad: 0.0 }];
-        let mut list = LightList::default();
-        (list.stamp, list.lights) = (stamp, lights);
-        self.ours.step(&list, &mut self.filtered)?;
-        let light = self.filtered.lights[0];
+        let list = LightList { stamp, lights, ..LightList::default() };
+        self.ours.step(&ReferencedList { list, ..ReferencedList::default() }, &mut self.filtered)?;
+        let light = self.filtered.list.lights[0];
         let plain = self.plain.get_or_insert_with(|| plain_paper::Filter::new(direction, power));
         Ok([(light.direction, light.irradiance[1]), plain.step(direction, power)])
     }

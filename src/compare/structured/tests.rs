@@ -119,7 +119,7 @@ fn real_maps_have_less_error_than_by_plain_inversion() {
             let errors = reference.errors(&lights);
             let sampler = Sampler::Live(light::Sampler::EqualPower);
             let options = Options { count, sampler, inversion: Inversion::Standard };
-            AnyExtractor::new(shape, &options).unwrap().step(&map, &mut list);
+            AnyExtractor::new(shape, &options).unwrap().extract(&map, &mut list);
             let plain = reference.errors(&list.lights);
             let of_map = [
                 errors.irradiance / plain.irradiance,

@@ -5,7 +5,7 @@
 //! `S(n) = sum f |n . w|`.
 
 use super::prefix::Prefixes;
-use super::{Light, LightList};
+use super::{Light, ReferencedList};
 use crate::math::fibonacci_sphere;
 use glam::Vec3;
 use multiversion::multiversion;
@@ -141,13 +141,14 @@ impl ListError {
     }
 
     /// Fills in the error and the prefix errors of a list whose lights and reference irradiances stand.
-    pub fn measure(&mut self, list: &mut LightList) {
-        self.prefix_errors(&list.lights, &list.reference_irradiance, &mut list.prefix_errors);
+    pub fn measure(&mut self, referenced: &mut ReferencedList) {
+        let ReferencedList { list, reference_irradiance } = referenced;
+        self.prefix_errors(&list.lights, reference_irradiance, &mut list.prefix_errors);
         list.error = list.prefix_errors.last().map(|&(_, error)| error);
     }
 
     /// RMS over the normals of the irradiance of `lights` less `reference`, relative to the mean of `reference`
-    /// (which is [`super::LightList::reference_irradiance`], luminous). Where the reference is dark, relative to
+    /// (which is [`ReferencedList::reference_irradiance`], luminous). Where the reference is dark, relative to
     /// the mean of the lights; 0 where both are. An empty reference gives 0. Never above `f32::MAX`.
     pub fn relative_error(&mut self, lights: &[Light], reference: &[f32]) -> f32 {
         self.contributions.clear();

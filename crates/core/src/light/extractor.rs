@@ -4,7 +4,7 @@ use super::equal_power::equal_power;
 use super::occlusion::OcclusionError;
 use super::refine::Voronoi;
 use super::seeds::{Seeds, dampened_luminance};
-use super::{Light, LightList, MapIrradiance, Options, Sampler};
+use super::{Light, LightList, MapIrradiance, Options, ReferencedList, Sampler};
 use crate::error::Result;
 use crate::image::{PolarMap, PolarShape, luminance};
 use std::time::Duration;
@@ -57,7 +57,7 @@ impl Extractor {
         Ok(Self { shape, method: Method::new(shape, options), map_irradiance: MapIrradiance::new(shape) })
     }
 
-    /// Fills `list` with the lights of `map`: stamp, lights in slot order, their power, and the map's irradiances.
+    /// Fills in the list of `map`: stamp, lights in slot order, their power, and the map's irradiances.
     /// Its errors come last, by [`super::error::ListError::measure`]: the filter measures every list that it
     /// lets out, so they are not worked out here only to be replaced.
     ///
@@ -66,9 +66,10 @@ impl Extractor {
     ///
     /// # Panics
     /// If the map is not of this extractor's shape.
-    pub fn step(&mut self, map: &PolarMap, list: &mut LightList) {
+    pub fn step(&mut self, map: &PolarMap, referenced: &mut ReferencedList) {
+        let ReferencedList { list, reference_irradiance } = referenced;
         self.extract(map, list);
-        self.map_irradiance.reference(map, &mut list.reference_irradiance);
+        self.map_irradiance.reference(map, reference_irradiance);
         if let Method::Adaptive { adaptive, count: Some(count), occlusion_error, .. } = &mut self.method
             && count.needs_error()
         {

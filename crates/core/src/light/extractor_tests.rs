@@ -3,7 +3,7 @@
 
 use super::error::ListError;
 use super::occlusion::OcclusionError;
-use super::{Extractor, LightList, MapIrradiance, Options, Sampler};
+use super::{Extractor, LightList, MapIrradiance, Options, ReferencedList, Sampler};
 use crate::error::Kind;
 use crate::image::{PolarMap, PolarShape, luminance_f64};
 use crate::math::fibonacci_sphere;
@@ -16,11 +16,11 @@ const SAMPLERS: [Sampler; 4] =
     [Sampler::EqualPower, Sampler::Refined, Sampler::Persistent, Sampler::Adaptive];
 
 fn extract(map: &PolarMap, count: usize, sampler: Sampler) -> LightList {
-    let mut list = LightList::default();
+    let mut list = ReferencedList::default();
     let options = Options { count, sampler, ..Options::default() };
     Extractor::new(map.shape, &options).unwrap().step(map, &mut list);
     ListError::new().measure(&mut list);
-    list
+    list.list
 }
 
 #[test]
@@ -63,22 +63,23 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
     let (row, column) = (1100, 4);
     let map = PolarMap::from_fn(shape, |r, c| if (r, c) == (row, column) { [1e8; 3] } else { [1.0; 3] });
     let sun = 1e8 * shape.pixel_solid_angle(row);
-    let mut list = LightList::default();
+    let mut referenced = ReferencedList::default();
     for sampler in SAMPLERS {
         let options = Options { count: 64, sampler, ..Options::default() };
         let mut extractor = Extractor::new(shape, &options).unwrap();
         // The second frame of persistent and adaptive lights starts from the first's.
         let is_followed = matches!(sampler, Sampler::Persistent | Sampler::Adaptive);
         for _ in 0..if is_followed { 2 } else { 1 } {
-            extractor.step(&map, &mut list);
-            ListError::new().measure(&mut list);
-            check_list(&format!("{sampler:?}"), &list, 64);
+            extractor.step(&map, &mut referenced);
+            ListError::new().measure(&mut referenced);
+            let list = &referenced.list;
+            check_list(&format!("{sampler:?}"), list, 64);
             let expected = std::f64::consts::TAU + sun - shape.pixel_solid_angle(row);
             assert!((list.power[1] / expected - 1.0).abs() < 1e-6, "{sampler:?}: {:?}", list.power);
         }
         if sampler != Sampler::EqualPower {
             let brightest =
-                list.lights.iter().max_by(|a, b| a.luminance().total_cmp(&b.luminance())).unwrap();
+                referenced.list.lights.iter().max_by(|a, b| a.luminance().total_cmp(&b.luminance())).unwrap();
             let direction = DVec3::from_array(brightest.direction.map(f64::from));
             let off = crate::math::angle_between(direction, shape.pixel_direction(row, column));
             // A peak leaves four mean radiances in the map.
@@ -150,20 +151,20 @@ fn counts_beyond_reason_are_refused() {
 /// they are chosen, and that of irradiance.
 fn chosen(map: &PolarMap, error_target: f32) -> (u32, [f32; 2]) {
     let options = Options { count: 512, error_target: Some(error_target), ..Options::default() };
-    let (mut extractor, mut list) = (Extractor::new(map.shape, &options).unwrap(), LightList::default());
+    let (mut extractor, mut list) = (Extractor::new(map.shape, &options).unwrap(), ReferencedList::default());
     let mut map = map.clone();
     map.stamp.frame_rate_hz = 25.0;
     let mut last = 0;
     for frame in 0..1000 {
         extractor.step(&map, &mut list);
-        let chosen = list.chosen_lights.unwrap();
+        let chosen = list.list.chosen_lights.unwrap();
         // Hysteresis: settled, the number stays.
         assert!(frame < 900 || chosen == last, "frame {frame}: {last}, {chosen}");
         last = chosen;
     }
-    let lit = list.lights.iter().filter(|light| light.luminance() > 0.0).count();
+    let lit = list.list.lights.iter().filter(|light| light.luminance() > 0.0).count();
     assert!((lit as u32).abs_diff(last) <= last / 16 + 1, "{lit} of {last}");
-    (last, errors(&map, &list))
+    (last, errors(&map, &list.list))
 }
 
 fn errors(map: &PolarMap, list: &LightList) -> [f32; 2] {
@@ -251,8 +252,8 @@ fn a_number_of_lights_is_chosen_for_adaptive_lights_only() {
         let options = Options { sampler, budget_ms: Some(1.0), ..Options::default() };
         assert_eq!(Extractor::new(SHAPE, &options).is_ok(), sampler == Sampler::Adaptive);
     }
-    let mut list = extract(&PolarMap::black(SHAPE), 8, Sampler::Adaptive);
-    assert_eq!(list.chosen_lights, None);
+    assert_eq!(extract(&PolarMap::black(SHAPE), 8, Sampler::Adaptive).chosen_lights, None);
+    let mut list = ReferencedList::default();
     let options = Options { count: 100, budget_ms: Some(1.0), ..Options::default() };
     let mut extractor = Extractor::new(SHAPE, &options).unwrap();
     let map = PolarMap::from_fn(SHAPE, |row, _| [row as f32 + 1.0; 3]);
@@ -260,5 +261,5 @@ fn a_number_of_lights_is_chosen_for_adaptive_lights_only() {
         extractor.step(&map, &mut list);
         extractor.took(std::time::Duration::from_millis(2), 25.0);
     }
-    assert!(list.chosen_lights.unwrap() < 60, "{:?}", list.chosen_lights);
+    assert!(list.list.chosen_lights.unwrap() < 60, "{:?}", list.list.chosen_lights);
 }

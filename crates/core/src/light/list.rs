@@ -48,8 +48,23 @@ pub struct LightList {
     pub prefix_errors: Vec<(u32, f32)>,
     /// Every slot, also at zero power.
     pub lights: Vec<Light>,
-    /// Luminous irradiances of the map at the error estimator's normals: what the error is measured against.
+}
+
+/// A list with what its error is measured against: what the extractor gives and the filter takes and gives.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReferencedList {
+    /// The list.
+    pub list: LightList,
+    /// Luminous irradiances of the map at the error estimator's normals; after the filter equally filtered.
     pub reference_irradiance: Vec<f32>,
+}
+
+impl ReferencedList {
+    /// Copies `other` into the storage of this one; no allocation once the capacities suffice.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.list.copy_from(&other.list);
+        self.reference_irradiance.clone_from(&other.reference_irradiance);
+    }
 }
 
 impl LightList {
@@ -61,7 +76,6 @@ impl LightList {
         (self.power, self.error) = (power, error);
         self.prefix_errors.clone_from(&other.prefix_errors);
         self.lights.clone_from(&other.lights);
-        self.reference_irradiance.clone_from(&other.reference_irradiance);
     }
 
     /// RGB sum of the lights, in f64.

@@ -35,7 +35,7 @@ pub use cluster::cluster;
 pub use components::collect_component;
 pub use equal_power::equal_power;
 pub use extractor::Extractor;
-pub use list::{Light, LightList, MAX_LIGHTS};
+pub use list::{Light, LightList, MAX_LIGHTS, ReferencedList};
 pub use nearest::NearestSites;
 pub use options::{Options, Sampler};
 pub use prefix::{Prefixes, prefix};

@@ -162,7 +162,7 @@ mod tests {
     use super::*;
     use crate::light::error::ListError;
     use crate::light::measure::{Emitters, relative_rms};
-    use crate::light::{Light, LightList};
+    use crate::light::{Light, LightList, ReferencedList};
 
     /// A smooth sky with a bright disc, coarse lights at the block centres of a fixed grid.
     fn sky(shape: PolarShape, sun: (usize, usize)) -> PolarMap {
@@ -202,14 +202,13 @@ mod tests {
             for sun in [(40, 0), (2, 100), (88, 200)] {
                 let map = sky(shape, sun);
                 let slow_reference = Emitters::from_map(&map).irradiances(300);
-                let mut list = LightList::default();
-                MapIrradiance::new(shape).reference(&map, &mut list.reference_irradiance);
+                let mut reference = Vec::new();
+                MapIrradiance::new(shape).reference(&map, &mut reference);
                 for (rows, columns) in blocks {
                     let lights = lights_by_blocks(&map, rows, columns);
                     let slow =
                         relative_rms(&Emitters::from_lights(&lights).irradiances(300), &slow_reference);
-                    let quick =
-                        f64::from(ListError::new().relative_error(&lights, &list.reference_irradiance));
+                    let quick = f64::from(ListError::new().relative_error(&lights, &reference));
                     assert!(
                         (quick / slow - 1.0).abs() < 0.1,
                         "{} lights: {quick} against {slow}",
@@ -258,13 +257,15 @@ mod tests {
         let mut reference = Vec::new();
         MapIrradiance::new(map.shape).reference(&map, &mut reference);
         let mut estimator = ListError::new();
-        let mut list = LightList::default();
-        (list.lights, list.reference_irradiance) = (lights, reference);
-        estimator.measure(&mut list);
+        let list = LightList { lights, ..LightList::default() };
+        let mut referenced = ReferencedList { list, reference_irradiance: reference };
+        estimator.measure(&mut referenced);
+        let ReferencedList { list, reference_irradiance } = &referenced;
         assert_eq!(list.prefix_errors.iter().map(|e| e.0).collect::<Vec<_>>(), [8, 16, 32, 64, 72]);
-        assert_eq!(list.error, Some(estimator.relative_error(&list.lights, &list.reference_irradiance)));
-        list.lights.clear();
-        estimator.measure(&mut list);
+        assert_eq!(list.error, Some(estimator.relative_error(&list.lights, reference_irradiance)));
+        referenced.list.lights.clear();
+        estimator.measure(&mut referenced);
+        let list = &referenced.list;
         assert_eq!(list.prefix_errors.len(), 1);
         assert!(list.error.unwrap() >= 1.0, "no lights at all miss everything: {:?}", list.error);
     }
@@ -280,12 +281,14 @@ mod tests {
             for sampler in [Sampler::Refined, Sampler::EqualPower] {
                 for count in [4, 16, 64, 256, 1024] {
                     let options = Options { count, sampler, ..Options::default() };
-                    let mut list = LightList::default();
+                    let mut list = ReferencedList::default();
                     Extractor::new(shape, &options).unwrap().step(&map, &mut list);
                     ListError::new().measure(&mut list);
-                    let slow =
-                        relative_rms(&Emitters::from_lights(&list.lights).irradiances(300), &slow_reference);
-                    let error = f64::from(list.error.unwrap());
+                    let slow = relative_rms(
+                        &Emitters::from_lights(&list.list.lights).irradiances(300),
+                        &slow_reference,
+                    );
+                    let error = f64::from(list.list.error.unwrap());
                     let ratio = error / slow;
                     println!("{name:32} {sampler:?} {count:5}: {error:.6} slow {slow:.6} ratio {ratio:.3}");
                     worst = worst.max(ratio.max(1.0 / ratio));

@@ -4,8 +4,8 @@ use super::energy::EnergyFilter;
 use super::history::History;
 use super::{Directions, Taps};
 use crate::image::{Stamp, luminance_f64};
-use crate::light::LightList;
 use crate::light::error::ListError;
+use crate::light::{LightList, ReferencedList};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -79,65 +79,65 @@ impl LightFilter {
     }
 
     /// Takes the next list of the sequence and writes the filtered one.
-    pub fn step(&mut self, list: &LightList, filtered: &mut LightList) {
-        filtered.copy_from(list);
-        if self.continues(list) {
-            for _ in 0..list.stamp.lost_before {
+    pub fn step(&mut self, input: &ReferencedList, filtered: &mut ReferencedList) {
+        filtered.copy_from(input);
+        if self.continues(input) {
+            for _ in 0..input.list.stamp.lost_before {
                 self.history.repeat();
                 self.energies.step(&self.history);
             }
-            write_row(list, self.history.push());
+            write_row(input, self.history.push());
         } else {
-            self.start(list);
+            self.start(input);
         }
-        self.last = Some(list.stamp);
-        filtered.filter_delay_frames = self.taps.delay_frames();
+        self.last = Some(input.list.stamp);
+        filtered.list.filter_delay_frames = self.taps.delay_frames();
         if self.taps.order() > 0 {
             self.write_energies(filtered);
-            self.write_directions_and_spreads(filtered);
-            filtered.power = filtered.sum_of_lights();
+            self.write_directions_and_spreads(&mut filtered.list);
+            filtered.list.power = filtered.list.sum_of_lights();
         }
         self.error.measure(filtered);
     }
 
     /// Whether `list` follows the lists seen so far; otherwise the filter starts afresh.
-    fn continues(&self, list: &LightList) -> bool {
+    fn continues(&self, input: &ReferencedList) -> bool {
         let Some(last) = self.last else { return false };
-        last.frame_rate_hz.to_bits() == list.stamp.frame_rate_hz.to_bits()
-            && list.stamp.capture_time_ns >= last.capture_time_ns
-            && list.stamp.lost_before <= self.taps.as_slice().len() as u64
-            && list.lights.len() == self.light_count
-            && energy_count(list) == self.energy_count
+        last.frame_rate_hz.to_bits() == input.list.stamp.frame_rate_hz.to_bits()
+            && input.list.stamp.capture_time_ns >= last.capture_time_ns
+            && input.list.stamp.lost_before <= self.taps.as_slice().len() as u64
+            && input.list.lights.len() == self.light_count
+            && energy_count(input) == self.energy_count
     }
 
-    fn start(&mut self, list: &LightList) {
+    fn start(&mut self, input: &ReferencedList) {
         let is_sized = self.last.take().is_some()
-            && list.lights.len() == self.light_count
-            && energy_count(list) == self.energy_count;
+            && input.list.lights.len() == self.light_count
+            && energy_count(input) == self.energy_count;
         if !is_sized {
-            self.light_count = list.lights.len();
-            self.energy_count = energy_count(list);
+            self.light_count = input.list.lights.len();
+            self.energy_count = energy_count(input);
             let columns = self.energy_count + TRACK * self.light_count;
             self.history = History::new(self.taps.as_slice().len(), columns);
             // One debt a channel for all lights, one for every reference irradiance.
-            let references = std::iter::repeat_n(1, list.reference_irradiance.len());
+            let references = std::iter::repeat_n(1, input.reference_irradiance.len());
             let groups = [self.light_count; 3].into_iter().chain(references);
             self.energies = EnergyFilter::new(self.taps.as_slice(), groups);
             self.sums = vec![Sums::default(); self.light_count];
         }
         self.energies.clear();
-        write_row(list, self.history.newest_mut());
+        write_row(input, self.history.newest_mut());
         for _ in 0..self.taps.order() {
             self.history.repeat();
         }
     }
 
-    fn write_energies(&mut self, filtered: &mut LightList) {
+    fn write_energies(&mut self, filtered: &mut ReferencedList) {
         let out = self.energies.step(&self.history);
         // The overshoot of the largest f32 would become infinity.
         let stored = |value: f64| value.min(f64::from(f32::MAX)) as f32;
         let (powers, references) = out.split_at(3 * self.light_count);
-        for (slot, light) in filtered.lights.iter_mut().enumerate() {
+        for (slot, light) in filtered.list.lights.iter_mut().enumerate() {
             light.irradiance = [0, 1, 2].map(|channel| stored(powers[channel * self.light_count + slot]));
         }
         for (reference, &value) in filtered.reference_irradiance.iter_mut().zip(references) {
@@ -221,21 +221,21 @@ impl Sums {
     }
 }
 
-fn energy_count(list: &LightList) -> usize {
-    3 * list.lights.len() + list.reference_irradiance.len()
+fn energy_count(input: &ReferencedList) -> usize {
+    3 * input.list.lights.len() + input.reference_irradiance.len()
 }
 
 /// Lays a list out as one row of the history.
 ///
 /// Lists are finite, >= 0 and of unit directions by contract. One number that is not would stay in the history for
 /// the length of the filter and in a debt for ever, so it is taken as no light, or as the direction +Y.
-fn write_row(list: &LightList, row: &mut [f32]) {
+fn write_row(input: &ReferencedList, row: &mut [f32]) {
     let lawful = |value: f32| if (0.0..f32::INFINITY).contains(&value) { value } else { 0.0 };
-    let count = list.lights.len();
+    let count = input.list.lights.len();
     let (powers, rest) = row.split_at_mut(3 * count);
-    let (references, tracks) = rest.split_at_mut(list.reference_irradiance.len());
+    let (references, tracks) = rest.split_at_mut(input.reference_irradiance.len());
     let tracks = tracks.as_chunks_mut::<TRACK>().0;
-    for (slot, light) in list.lights.iter().enumerate() {
+    for (slot, light) in input.list.lights.iter().enumerate() {
         for channel in 0..3 {
             powers[channel * count + slot] = lawful(light.irradiance[channel]);
         }
@@ -251,7 +251,7 @@ fn write_row(list: &LightList, row: &mut [f32]) {
         let stored = |value: f64| value.min(f64::from(f32::MAX)) as f32;
         tracks[slot] = [x, y, z, spread_rad, stored(flux * (1.0 - defect)), stored(flux * defect)];
     }
-    for (reference, &value) in references.iter_mut().zip(&list.reference_irradiance) {
+    for (reference, &value) in references.iter_mut().zip(&input.reference_irradiance) {
         *reference = lawful(value);
     }
 }

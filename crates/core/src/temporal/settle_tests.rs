@@ -9,7 +9,7 @@ use super::test_taps::taps;
 use super::{Directions, LightFilter};
 use crate::image::{PolarMap, PolarShape, Stamp, luminance_f64};
 use crate::light::measure::{Emitters, relative_rms, soft_ground_cells};
-use crate::light::{Extractor, Light, LightList, Options, REST_S};
+use crate::light::{Extractor, Light, Options, REST_S, ReferencedList};
 use crate::math::{angle_between, direction};
 use crate::test_data::real_maps;
 
@@ -44,7 +44,7 @@ fn track(maps: &[&PolarMap], truths: &[&Vec<f64>]) -> Track {
     assert_eq!(taps.as_slice().len(), FILTER_LENGTH);
     let mut extractor = Extractor::new(SHAPE, &Options { count: LIGHTS, ..Options::default() }).unwrap();
     let mut filter = LightFilter::new(taps.clone(), Directions::ByPower);
-    let (mut list, mut filtered) = (LightList::default(), LightList::default());
+    let (mut list, mut filtered) = (ReferencedList::default(), ReferencedList::default());
     let mut track = Track { error: Vec::new(), excess: Vec::new() };
     for (t, map) in maps.iter().enumerate() {
         let stamp = Stamp {
@@ -61,7 +61,7 @@ fn track(maps: &[&PolarMap], truths: &[&Vec<f64>]) -> Track {
                 taps.map(|(age, tap)| tap * truths[t.saturating_sub(age)][place]).sum()
             })
             .collect();
-        let values = values(&filtered.lights);
+        let values = values(&filtered.list.lights);
         let window = &truths[t.saturating_sub(FILTER_LENGTH - 1)..=t];
         let mean_of = |truth: &Vec<f64>| truth.iter().sum::<f64>() / truth.len() as f64;
         let mean = window.iter().map(|truth| mean_of(truth)).fold(0.0, f64::max);

@@ -8,19 +8,19 @@ use crate::temporal::test_taps::taps;
 
 fn filter(directions: Directions, frames: impl Iterator<Item = Light>) -> Vec<Light> {
     let mut filter = LightFilter::new(taps(25.0), directions);
-    let (mut list, mut filtered) = (LightList::default(), LightList::default());
+    let (mut list, mut filtered) = (ReferencedList::default(), ReferencedList::default());
     frames
         .enumerate()
         .map(|(t, light)| {
-            list.stamp = Stamp {
+            list.list.stamp = Stamp {
                 sequence: t as u64,
                 capture_time_ns: 40_000_000 * t as i64,
                 lost_before: 0,
                 frame_rate_hz: 25.0,
             };
-            list.lights = vec![light];
+            list.list.lights = vec![light];
             filter.step(&list, &mut filtered);
-            filtered.lights[0]
+            filtered.list.lights[0]
         })
         .collect()
 }
