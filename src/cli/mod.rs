@@ -3,6 +3,7 @@
 mod calibrate;
 #[cfg(feature = "camera")]
 mod devices;
+mod input;
 mod lights;
 mod messages;
 mod panorama;
@@ -18,6 +19,8 @@ mod resolution;
 mod run;
 mod serving;
 mod signals;
+mod standard_input;
+mod standard_output;
 mod synthesize;
 mod systemd;
 mod watch;

@@ -1,44 +1,36 @@
-mod stream;
+mod files;
+mod lists;
 mod values;
 mod window;
 
+use super::input::{Input, InputArguments};
 use super::lights::SamplerName;
-use super::messages::PROGRESS;
-use super::panorama::{map_shape, read_panorama};
 use super::resolution::Resolution;
-use super::signals::SignalWatch;
-use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
 use crate::image::PolarMap;
-use crate::light::{self, Extractor, Light, LightList, ListFile};
-use crate::render::{Options, Renderer, emitters};
-use crate::rt::stage::{self as stages, Nowhere, Stage};
-use crate::rt::{Clock, Metrics, Shutdown};
+use crate::light::{self, Extractor, Light, LightList};
+use crate::net::ClientOptions;
+use crate::render::{Options, Renderer};
 use crate::scene::{Camera, Scene, Shading};
-use crate::service::{Copies, Output, Service, list_link};
-use crate::stage::{Files, PictureWriter, Render};
 use clap::ValueEnum;
 use glam::Vec3;
-use indicatif::{ProgressBar, ProgressStyle};
-use std::io::{self, Write as _};
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
-use values::{Input, Target, field_of_view, milliseconds, vector};
-
-pub(super) use stream::run_stream;
+use values::{Target, field_of_view, milliseconds, vector};
 
 /// Render a scene under captured light.
 ///
 /// INPUT is one of
 ///   a panorama of the whole sphere, OpenEXR or Radiance HDR;
 ///   light lists, one JSON object a line, as `run` and `lights` write them (.jsonl, .json);
-///   a configuration of a sequence, as for `run` (.toml);
-///   the address of a server (ws://HOST:PORT); `watch --render` does the same with more to choose.
+///   a configuration, as for `run` (.toml);
+///   the address of a server (ws://HOST:PORT or HOST:PORT); `watch --render` does the same with more to choose;
+///   `-`: light lists or a panorama on standard input.
 ///
-/// The picture goes to a file, .png for people or .exr for linear radiance; for several lists name a folder, which
-/// gets frame_NUMBER.png. Without --output a window opens, if there is a display; there lists arrive at their own pace,
-/// and the newest is shown. Its keys:
+/// --output names a file, .png for people or .exr for linear radiance, which gets a picture of the first list; or a folder,
+/// which gets frame_NUMBER.png for every list. Without --output a window opens, if there is a display; there lists arrive
+/// at their own pace, and the newest is shown. Its keys:
 ///   drag left, right   turn round the scene, move sideways (Shift and left does that too)
 ///   wheel              go nearer or away
 ///   Space              freeze the lights, or let them go on
@@ -53,11 +45,16 @@ pub(super) use stream::run_stream;
 ///   lightcast render garden.hdr --output garden.png --scene bunny.glb --ground
 ///   lightcast render config/replay.toml --output frames/ --every 10
 ///   lightcast render config/replay.toml --budget 16
+///   lightcast lights garden.hdr --lights 300 | lightcast render - --lights 300 --output garden.png
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// A panorama, light lists, a configuration or a server.
-    input: PathBuf,
+    #[command(flatten)]
+    input: InputArguments,
+
+    /// What a server as INPUT is asked for, where `watch` says more than its address.
+    #[arg(skip)]
+    subscription: Option<ClientOptions>,
 
     /// Picture file (.png, .exr), or folder for numbered pictures (made if it does not exist). Default: a window.
     #[arg(long, short, value_name = "FILE|FOLDER")]
@@ -158,13 +155,30 @@ enum BackendName {
 const SAMPLES: u32 = 4;
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let Some(output) = &arguments.output else { return window::run(arguments) };
-    let target = Target::of(output)?;
-    match Input::of(&arguments.input) {
-        Input::Panorama => render_panorama(arguments, &target),
-        Input::Lists => render_lists(arguments, &target),
-        Input::Configuration => render_sequence(arguments, &target),
-        Input::Server => stream::render(arguments, &target, stream::server(arguments)?),
+    let target = arguments.output.as_deref().map(Target::of).transpose()?;
+    let input = arguments.input.input()?;
+    if let Input::Panoramas(_) = &input {
+        let why = "name one of the panoramas, or a configuration whose section [source] has the folder or pattern as its path";
+        return Err(input.refused("render", why));
+    }
+    match target {
+        None => window::run(arguments, &input),
+        Some(target) => files::run(arguments, &input, &target),
+    }
+}
+
+impl Arguments {
+    /// The arguments of `lightcast render INPUT REST...`, with what a server is asked for; help, and a fault with what is
+    /// wrong, end the program as they do there.
+    pub fn of_watch(input: &OsStr, rest: &[OsString], subscription: Option<ClientOptions>) -> Self {
+        #[derive(clap::Parser)]
+        #[command(name = "lightcast watch INPUT --render")]
+        struct Line {
+            #[command(flatten)]
+            arguments: Arguments,
+        }
+        let line = [OsStr::new("render"), input].into_iter().chain(rest.iter().map(OsString::as_os_str));
+        Self { subscription, ..<Line as clap::Parser>::parse_from(line).arguments }
     }
 }
 
@@ -239,28 +253,6 @@ fn camera(arguments: &Arguments, renderer: &Renderer) -> Result<Camera> {
     Ok(camera)
 }
 
-fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
-    let Target::File { path, is_exr } = target else {
-        return Err(Error::usage("a panorama gives one picture; name a .png or .exr file").at(target.name()));
-    };
-    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere))?;
-    let mut renderer = renderer(arguments)?;
-    let camera = camera(arguments, &renderer)?;
-    if arguments.reference {
-        let lights = emitters(&map);
-        let bar = PROGRESS.add(bar("emitters", Some(lights.len() as u64)));
-        renderer.draw_reference(&lights, &camera, samples(arguments), |done| {
-            bar.set_position(done as u64);
-            true
-        })?;
-        bar.finish_and_clear();
-    } else {
-        let lights = lights_of_map(arguments, renderer.scene(), &map)?;
-        renderer.draw(&lights, &camera, samples(arguments))?;
-    }
-    PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)
-}
-
 /// A surface that mirrors anything needs set L.
 fn lights_of_map(arguments: &Arguments, scene: &Scene, map: &PolarMap) -> Result<Vec<Light>> {
     let is_glossy = scene.materials.iter().any(|material| match material.shading {
@@ -274,100 +266,9 @@ fn lights_of_map(arguments: &Arguments, scene: &Scene, map: &PolarMap) -> Result
     Ok(list.lights)
 }
 
-fn render_lists(arguments: &Arguments, target: &Target) -> Result<()> {
-    no_reference(arguments)?;
-    let mut file = ListFile::open(&arguments.input)?;
-    let mut renderer = renderer(arguments)?;
-    let camera = camera(arguments, &renderer)?;
-    let mut list = LightList::default();
-    match target {
-        Target::File { path, is_exr } => {
-            if !file.read(&mut list)? {
-                return Err(Error::failed("holds no light list").at(arguments.input.display()));
-            }
-            renderer.draw(&list.lights, &camera, samples(arguments))?;
-            PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)
-        }
-        Target::Folder(folder) => {
-            let mut render = numbered(arguments, renderer, camera, folder)?;
-            let bar = PROGRESS.add(bar("lists", None));
-            while file.read(&mut list)? {
-                render.step(&list, &mut ())?;
-                bar.inc(1);
-            }
-            bar.finish_and_clear();
-            Ok(())
-        }
-    }
-}
-
-/// The service makes lists on its threads; this one renders them.
-fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
-    no_reference(arguments)?;
-    let Target::Folder(folder) = target else {
-        return Err(Error::usage("a sequence gives many pictures; name a folder").at(target.name()));
-    };
-    let config = Config::load(&arguments.input)?;
-    let shutdown = Shutdown::new();
-    let _signals = SignalWatch::start(&shutdown)?;
-    let renderer = renderer(arguments)?;
-    let camera = camera(arguments, &renderer)?;
-    let render = numbered(arguments, renderer, camera, folder)?;
-    let (lists_in, lists) = list_link(&config, &shutdown);
-    let copies = Copies { lists: Some(lists_in), ..Copies::default() };
-    let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, copies, &shutdown)?;
-    let bar = PROGRESS.add(bar("lists", service.frame_count()));
-    let metrics = Metrics::new("render");
-    let progress = bar.clone();
-    let shown = Shown { render, bar: progress };
-    let rendered = stages::run(shown, lists, Nowhere, &Clock::real(), &shutdown, &metrics);
-    // Whichever ends first ends the other: without a reader the service would go on for nothing.
-    shutdown.request();
-    let summary = service.summary().with(metrics);
-    let served = service.join(Duration::from_millis(100), || ());
-    bar.finish_and_clear();
-    let _ = write!(io::stderr(), "{summary}");
-    rendered.and(served)
-}
-
-/// A stage that shows how far it is.
-struct Shown {
-    render: Render,
-    bar: ProgressBar,
-}
-
-impl Stage for Shown {
-    type Input = LightList;
-    type Output = ();
-
-    fn step(&mut self, list: &LightList, (): &mut ()) -> Result<stages::Flow> {
-        self.bar.inc(1 + list.stamp.lost_before);
-        self.render.step(list, &mut ())
-    }
-}
-
-fn numbered(arguments: &Arguments, renderer: Renderer, camera: Camera, folder: &Path) -> Result<Render> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
-    })?;
-    let files = Files { folder: folder.to_owned(), are_exr: false };
-    Ok(Render::new(renderer, camera, samples(arguments), files, arguments.every))
-}
-
 fn no_reference(arguments: &Arguments) -> Result<()> {
     if arguments.reference {
         return Err(Error::usage("--reference takes every pixel of a panorama as a light; give a panorama"));
     }
     Ok(())
-}
-
-fn bar(what: &str, length: Option<u64>) -> ProgressBar {
-    let (bar, template) = match length {
-        Some(length) => {
-            (ProgressBar::new(length), format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left"))
-        }
-        None => (ProgressBar::new_spinner(), format!("{{spinner}} {{pos}} {what}, {{elapsed}}")),
-    };
-    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

@@ -1,3 +1,4 @@
+use super::input::ConfigurationArguments;
 use super::messages::PROGRESS;
 use super::serving::Serving;
 use super::signals::SignalWatch;
@@ -35,14 +36,13 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 /// clients stay connected (those of a server whose section [server] has changed connect again). Lists then are written only to --output.
 ///
 /// Examples:
-///   lightcast run --config config/replay.toml | jq .error
-///   lightcast run --config config/stream.toml --listen 127.0.0.1:7300
+///   lightcast run config/replay.toml | jq .error
+///   lightcast run config/stream.toml --listen 127.0.0.1:7300
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Configuration file (TOML); config/replay.toml and config/camera.toml explain every key.
-    #[arg(long, short, value_name = "FILE")]
-    pub config: PathBuf,
+    #[command(flatten)]
+    pub config: ConfigurationArguments,
 
     /// Write the light lists to this file instead of standard output [default with --listen: nowhere].
     #[arg(long, short, value_name = "FILE")]
@@ -69,7 +69,8 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let config = Config::load(&arguments.config)?;
+    arguments.config.check("run")?;
+    let config = Config::load(arguments.config.path())?;
     let shutdown = Shutdown::new();
     let Some(address) = &arguments.listen else {
         let _signals = SignalWatch::start(&shutdown)?;

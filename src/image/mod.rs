@@ -16,7 +16,7 @@ pub(crate) mod test_data;
 
 pub use exposure::{ExposureSettings, exposure_settings};
 pub use file::{
-    Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, lat_long_note, read, replace as replace_file,
+    Attributes, LatLongCentres, MAX_PIXELS, MAX_SIDE_PX, decode, lat_long_note, read, replace as replace_file,
 };
 pub use frame::{Bayer, Frame, Pixels, Stamp};
 pub use jpeg::decode_jpeg;

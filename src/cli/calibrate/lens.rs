@@ -7,7 +7,7 @@ use crate::camera::AprilGrid;
 use crate::camera::{
     Calibration, CornerSet, LensFit, LensFitOptions, LensParameters, LensStart, Response, calibrate_lens,
 };
-use crate::cli::report::print;
+use crate::cli::standard_output::print;
 use crate::error::{Error, Result};
 use glam::DVec2;
 use serde_json::json;

@@ -5,7 +5,7 @@ use crate::light::MAX_LIGHTS;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Longest line that is read: [`MAX_LIGHTS`] lights of some 150 bytes each, twice over.
 const LINE_MAX_BYTES: u64 = 1 << 23;
@@ -19,8 +19,8 @@ pub const MOST_POWER: f64 = 1e36;
 
 /// Light lists from a file of JSON lines, as [`LightList::write_json_line`] writes them.
 pub struct ListFile {
-    path: PathBuf,
-    reader: BufReader<std::fs::File>,
+    name: String,
+    reader: Box<dyn BufRead + Send>,
     line_number: u64,
     line: Vec<u8>,
 }
@@ -52,7 +52,13 @@ impl ListFile {
     pub fn open(path: &Path) -> Result<Self> {
         let file = std::fs::File::open(path)
             .map_err(|error| Error::failed("cannot be opened").because(error).at(path.display()))?;
-        Ok(Self { path: path.to_owned(), reader: BufReader::new(file), line_number: 0, line: Vec::new() })
+        Ok(Self::new(&path.display().to_string(), file))
+    }
+
+    /// Lists from a `reader`, which messages call `name`.
+    pub fn new(name: &str, reader: impl Read + Send + 'static) -> Self {
+        let reader = Box::new(BufReader::new(reader));
+        Self { name: name.to_owned(), reader, line_number: 0, line: Vec::new() }
     }
 
     /// Reads the next list into `list`; false at the end of the file. Empty lines are passed over.
@@ -65,7 +71,7 @@ impl ListFile {
             let mut limited = self.reader.by_ref().take(LINE_MAX_BYTES + 1);
             let length = limited
                 .read_until(b'\n', &mut self.line)
-                .map_err(|error| Error::failed("cannot be read").because(error).at(self.path.display()))?;
+                .map_err(|error| Error::failed("cannot be read").because(error).at(&self.name))?;
             if length == 0 {
                 return Ok(false);
             }
@@ -78,9 +84,9 @@ impl ListFile {
             } else {
                 list.read_json(self.line.trim_ascii())
             };
-            return parsed.map(|()| true).map_err(|error| {
-                error.at(format_args!("line {}", self.line_number)).at(self.path.display())
-            });
+            return parsed
+                .map(|()| true)
+                .map_err(|error| error.at(format_args!("line {}", self.line_number)).at(&self.name));
         }
     }
 }
