@@ -26,7 +26,7 @@ pub(super) enum Input {
     Server(String),
 }
 
-/// The input of a command that takes light in every form.
+// The input of a command that takes light in every form. (Clap shows a `///` here as the text of the command.)
 #[derive(Debug, clap::Args)]
 pub(super) struct InputArguments {
     /// A panorama, light lists, a configuration, a server, or `-` for standard input.
@@ -38,7 +38,7 @@ pub(super) struct InputArguments {
     config: Option<PathBuf>,
 }
 
-/// The input of a command that takes a configuration and nothing else.
+// The input of a command that takes a configuration and nothing else.
 #[derive(Debug, clap::Args)]
 pub(super) struct ConfigurationArguments {
     /// Configuration (TOML); config/replay.toml and config/camera.toml explain every key.
