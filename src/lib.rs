@@ -4,6 +4,7 @@ pub mod camera;
 pub mod cli;
 pub mod config;
 pub mod error;
+pub mod files;
 #[cfg(feature = "render")]
 pub mod gpu;
 pub mod image;

@@ -6,7 +6,8 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use lightcast::error::Kind;
-use lightcast::image::{Frame, Pixels, read, write_exr, write_png16};
+use lightcast::files::{read, write_exr, write_png16};
+use lightcast::image::{Frame, Pixels};
 use std::fs;
 use std::path::Path;
 

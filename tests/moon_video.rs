@@ -8,7 +8,8 @@ use glam::{DMat3, DVec2, DVec3};
 use lightcast::camera::{
     Calibration, LOOKING_UP, Lens, LensParameters, Mark, Response, ResponseModel, fit_orientation,
 };
-use lightcast::image::{Frame, Pixels, write_png16};
+use lightcast::files::write_png16;
+use lightcast::image::{Frame, Pixels};
 use lightcast::math::{angle_between, direction};
 use std::fs;
 use std::io::{Read as _, Write as _};

@@ -2,7 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use lightcast::image::{Attributes, Frame, LatLongCentres, Pixels, luminance, read};
+use lightcast::files::{Attributes, read};
+use lightcast::image::{Frame, LatLongCentres, Pixels, luminance};
 use lightcast::source::{Next, Sequence, SequenceOptions, Source};
 use std::f64::consts::PI;
 use std::fs;

@@ -3,7 +3,7 @@
 
 use super::Corner;
 use crate::error::{Error, Result};
-use crate::image::GreyPicture;
+use crate::files::GreyPicture;
 use ::aprilgrid::TagFamily;
 use ::aprilgrid::detector::{DetectorParams, TagDetector};
 use glam::DVec2;

@@ -197,7 +197,7 @@ pub(super) fn default_field_of_view(parameters: &LensParameters) -> (f64, &'stat
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::test_data::real_folder;
+    use crate::files::test_data::real_folder;
     use crate::math::angle_between;
 
     pub(crate) fn equidistant(width: usize, height: usize, field_of_view_deg: f64) -> LensParameters {

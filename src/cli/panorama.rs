@@ -2,7 +2,8 @@ use super::input::{display_name, is_standard_input};
 use super::resolution::Resolution;
 use crate::camera::{FrameToPolar, PixelCounts, Projection, Response};
 use crate::error::{Error, Kind, Result};
-use crate::image::{self, Attributes, Frame, MAX_PIXELS, Pixels, PolarMap, PolarShape, lat_long_note};
+use crate::files::{self, Attributes, MAX_PIXELS, lat_long_note};
+use crate::image::{Frame, Pixels, PolarMap, PolarShape};
 use glam::DMat3;
 use std::io::{self, Read as _};
 use std::path::Path;
@@ -60,7 +61,7 @@ pub(super) fn read_panorama_as(path: &Path, shapes: &[PolarShape]) -> Result<Vec
 /// Reads a picture file, or standard input to its end.
 fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
     if !is_standard_input(path) {
-        return image::read(path, frame);
+        return files::read(path, frame);
     }
     let mut bytes = Vec::new();
     let failed = |error: Error| error.at("standard input");
@@ -72,5 +73,5 @@ fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
     if bytes.len() as u64 > MOST_BYTES {
         return Err(failed(Error::failed(format!("has more than {MOST_BYTES} bytes; no panorama has"))));
     }
-    image::decode(&bytes, frame).map_err(failed)
+    files::decode(&bytes, frame).map_err(failed)
 }

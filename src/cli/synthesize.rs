@@ -1,7 +1,8 @@
 use super::messages::PROGRESS;
 use crate::camera::LOOKING_UP;
 use crate::error::{Error, Result};
-use crate::image::{Frame, Pixels, write_exr, write_png16};
+use crate::files::{write_exr, write_png16};
+use crate::image::{Frame, Pixels};
 use crate::source::synthetic::{Script, Synthetic};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};

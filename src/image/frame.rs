@@ -1,7 +1,8 @@
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// When and where in its sequence something was captured. Travels with the data from the source to the client.
+/// When and where in its sequence something was captured. Travels with the data from the source to the
+/// client.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stamp {
     /// Number of the frame as its source counts: the file's number, the kernel's counter.
@@ -23,8 +24,8 @@ pub enum Pixels {
     Radiance(Vec<f32>),
 }
 
-/// Which colour the pixels of a mosaic sensor (Bayer, US patent 3971065) see: the first two letters are those of the
-/// first row from the left, the last two those of the second row; all others repeat these.
+/// Which colour the pixels of a mosaic sensor (Bayer, US patent 3971065) see: the first two letters are those
+/// of the first row from the left, the last two those of the second row; all others repeat these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Bayer {
@@ -70,8 +71,8 @@ pub struct Frame {
     pub channels: usize,
     /// Colours of the pixels of a mosaic sensor, whose frames have 1 channel; `None` for all others.
     pub bayer: Option<Bayer>,
-    /// Radiance from which a sample is known to be too low, because its sensor was saturated; infinite where none is, and
-    /// without meaning for codes, whose response tells.
+    /// Radiance from which a sample is known to be too low, because its sensor was saturated; infinite where
+    /// none is, and without meaning for codes, whose response tells.
     pub saturation: f32,
     /// `width * height * channels` samples.
     pub pixels: Pixels,

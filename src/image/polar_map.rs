@@ -93,8 +93,8 @@ impl PolarMap {
         map
     }
 
-    /// Power of the map: the integral of radiance over its solid angle, per channel (the sum of the irradiances
-    /// that all its pixels give surfaces facing them). Summed in f64.
+    /// Power of the map: the integral of radiance over its solid angle, per channel (the sum of the
+    /// irradiances that all its pixels give surfaces facing them). Summed in f64.
     pub fn power(&self) -> [f64; 3] {
         let mut power = [0.0; 3];
         for (row, pixels) in self.pixels.chunks_exact(self.shape.columns).enumerate() {

@@ -1,6 +1,6 @@
 //! Real and awkward maps for tests of this room and of `sampling`.
 
-use crate::image::test_data::real_folder;
+use crate::files::test_data::real_folder;
 use crate::image::{PolarMap, PolarShape};
 
 /// Name and map of every `*_1k.hdr`, in the order of their names, averaged to `shape`; empty where there are none.

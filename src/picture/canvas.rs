@@ -57,7 +57,7 @@ impl Canvas {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        crate::image::write_png8(path, self.width, self.height, &self.rgb)
+        crate::files::write_png8(path, self.width, self.height, &self.rgb)
     }
 }
 

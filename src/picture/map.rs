@@ -1,6 +1,7 @@
 use super::{Canvas, ToneCurve};
 use crate::error::Result;
-use crate::image::{PolarMap, encode_png8};
+use crate::files::encode_png8;
+use crate::image::PolarMap;
 use crate::light::Light;
 use crate::math::polar;
 use glam::DVec3;

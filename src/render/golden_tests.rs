@@ -8,8 +8,8 @@
 
 use super::test_scenes::*;
 use super::{Options, Renderer};
+use crate::files::write_png8;
 use crate::gpu::Gpu;
-use crate::image::write_png8;
 use crate::light::Light;
 use crate::scene::{Material, Scene, Shading};
 use glam::Vec3;

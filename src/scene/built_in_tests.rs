@@ -1,5 +1,5 @@
 use super::*;
-use crate::image::test_data::real_folder;
+use crate::files::test_data::real_folder;
 use crate::scene::mesh::{corners, double_area};
 use glam::{DVec3, Mat4, Vec3};
 

@@ -1,7 +1,7 @@
 use crate::camera::{Calibration, FrameToPolar, LOOKING_UP, Projection, Response};
 use crate::config::{Config, ProjectionKind};
 use crate::error::{Error, Result};
-use crate::image::lat_long_note;
+use crate::files::lat_long_note;
 use crate::source::FrameFormat;
 use glam::DMat3;
 

@@ -15,7 +15,8 @@ mod tests;
 
 use super::{Next, Source, pattern};
 use crate::error::{Error, Result};
-use crate::image::{Attributes, Bayer, Frame, LatLongCentres, Pixels, read};
+use crate::files::{Attributes, read};
+use crate::image::{Bayer, Frame, LatLongCentres, Pixels};
 use std::path::{Path, PathBuf};
 
 /// Which files to play, and how fast they were taken.

@@ -1,5 +1,6 @@
 use crate::error::{Error, Result};
-use crate::image::{Bayer, Frame, Pixels, replace_file, write_recorded_exr};
+use crate::files::{replace_file, write_recorded_exr};
+use crate::image::{Bayer, Frame, Pixels};
 use crate::rt::link::{Closed, Sender};
 use crate::rt::stage::{Flow, Outlet, Stage};
 use crate::rt::{Counter, Metrics};

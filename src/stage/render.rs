@@ -1,6 +1,7 @@
 use super::picture::Due;
 use crate::error::Result;
-use crate::image::{Frame, Pixels, write_exr, write_png8};
+use crate::files::{write_exr, write_png8};
+use crate::image::{Frame, Pixels};
 use crate::light::LightList;
 use crate::render::Renderer;
 use crate::rt::stage::{Flow, Stage};

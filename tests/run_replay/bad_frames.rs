@@ -1,5 +1,6 @@
 use crate::recording::{Recording, lists, panorama, stderr};
-use lightcast::image::{Pixels, write_exr};
+use lightcast::files::write_exr;
+use lightcast::image::Pixels;
 use std::fs;
 use std::path::Path;
 

@@ -1,6 +1,7 @@
 use crate::recording::{lightcast, lists, stderr};
 use lightcast::camera::{Calibration, Lens, LensParameters, Response, ResponseModel};
-use lightcast::image::{Frame, Pixels, write_png16};
+use lightcast::files::write_png16;
+use lightcast::image::{Frame, Pixels};
 use std::fs;
 use std::process::Output;
 use tempfile::TempDir;

@@ -1,5 +1,6 @@
 use crate::recording::{lightcast, lists, panorama, stderr};
-use lightcast::image::{self, Frame, Pixels, write_exr};
+use lightcast::files::{self, write_exr};
+use lightcast::image::{Frame, Pixels};
 use std::path::Path;
 use std::process::Output;
 
@@ -56,7 +57,7 @@ fn a_list_goes_to_a_file_and_its_lights_onto_a_picture() {
     assert!(written.status.success() && written.stdout.is_empty(), "{}", stderr(&written));
     assert_eq!(std::fs::read(at("list.jsonl")).unwrap(), printed.stdout);
     let mut picture = Frame::default();
-    image::read(at("map.png").as_ref(), &mut picture).unwrap();
+    files::read(at("map.png").as_ref(), &mut picture).unwrap();
     assert_eq!((picture.width, picture.height, picture.channels), (720, 360, 3));
     let Pixels::Codes(codes) = picture.pixels else { panic!("radiance") };
     let is_green = |pixel: &[u16]| pixel[1] > 200 && pixel[0] < 100 && pixel[2] < 120;

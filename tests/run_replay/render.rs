@@ -1,5 +1,6 @@
 use crate::recording::{Recording, lightcast, panorama, stderr};
-use lightcast::image::{self, Frame, Pixels, write_exr};
+use lightcast::files::{self, write_exr};
+use lightcast::image::{Frame, Pixels};
 use std::fs;
 use std::io::Write;
 use std::path::Path;
@@ -24,7 +25,7 @@ fn render(input: &Path, output: &Path, options: &[&str]) -> Option<Output> {
 
 fn radiance(path: &Path) -> Vec<f32> {
     let mut frame = Frame::default();
-    image::read(path, &mut frame).unwrap();
+    files::read(path, &mut frame).unwrap();
     assert_eq!((frame.width, frame.height, frame.channels), (48, 36, 3));
     let Pixels::Radiance(values) = frame.pixels else { panic!("radiance") };
     assert!(values.iter().all(|v| v.is_finite() && *v >= 0.0));

@@ -1,5 +1,5 @@
 use crate::recording::{lightcast, panorama, stderr};
-use lightcast::image::write_exr;
+use lightcast::files::write_exr;
 use std::fs;
 use std::io::Write;
 use std::process::Output;

@@ -1,7 +1,7 @@
 //! `lightcast report`: its page, and what is left of it when it is interrupted.
 
 use crate::recording::{Recording, lightcast, panorama, stderr};
-use lightcast::image::write_exr;
+use lightcast::files::write_exr;
 use roxmltree::{Document, ParsingOptions};
 use serde_json::Value;
 use std::fs;

@@ -3,8 +3,8 @@ use crate::camera::{
     BoardView, Calibration, Lens, LensFitOptions, LensParameters, LensStart, calibrate_lens,
 };
 use crate::error::Kind;
-use crate::image::read_grey;
-use crate::image::test_data::real_folder;
+use crate::files::read_grey;
+use crate::files::test_data::real_folder;
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3, SMatrix, SymmetricEigen, Vector3};
 

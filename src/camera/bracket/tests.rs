@@ -1,7 +1,8 @@
 use super::*;
 use crate::camera::{ExposureMerge, SensorNoise};
-use crate::image::test_data::real_folder;
-use crate::image::{Frame, Pixels, exposure_settings, read};
+use crate::files::test_data::real_folder;
+use crate::files::{exposure_settings, read};
+use crate::image::{Frame, Pixels};
 
 /// Marsaglia's xorshift64, from -1/2 to 1/2.
 struct Random(u64);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::error::Kind;
-use crate::image::test_data::real_folder;
+use crate::files::test_data::real_folder;
 use glam::{DMat3, DVec3};
 use std::path::Path;
 

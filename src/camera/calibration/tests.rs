@@ -1,5 +1,5 @@
 use super::*;
-use crate::image::test_data::real_folder;
+use crate::files::test_data::real_folder;
 
 const OWN: &str = r#"{
   "version": 1,

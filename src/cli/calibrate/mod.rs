@@ -8,7 +8,7 @@ mod residual_plot;
 mod response;
 
 use crate::error::{Error, Result};
-use crate::image::replace_file;
+use crate::files::replace_file;
 use clap::Subcommand;
 use std::io::Write as _;
 use std::path::Path;

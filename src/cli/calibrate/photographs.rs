@@ -1,6 +1,6 @@
 use crate::camera::{AprilGrid, BoardView, CornerSet};
 use crate::error::{Error, Kind, Result};
-use crate::image::read_grey;
+use crate::files::read_grey;
 use std::path::PathBuf;
 
 /// Looks for the board in every photograph. One that cannot be read or shows no board is named and stays in the set

@@ -8,7 +8,8 @@ use crate::cli::signals::SignalWatch;
 use crate::cli::standard_output::print;
 use crate::config::Config;
 use crate::error::{Error, Kind, Result};
-use crate::image::{self, Frame};
+use crate::files;
+use crate::image::Frame;
 use crate::picture::Plot;
 use crate::rt::Shutdown;
 use crate::service::Service;
@@ -242,7 +243,7 @@ impl Taken {
 }
 
 fn read(path: &Path, frame: &mut Frame) -> Result<()> {
-    image::read(path, frame).map(|_| ()).map_err(|error| error.with_kind(Kind::Failed))
+    files::read(path, frame).map(|_| ()).map_err(|error| error.with_kind(Kind::Failed))
 }
 
 /// A number for a table: four digits.

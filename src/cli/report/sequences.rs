@@ -156,7 +156,8 @@ fn average(sequence: &mut Sequence, limit: usize, shutdown: &Shutdown) -> Result
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::{Pixels, write_exr};
+    use crate::files::write_exr;
+    use crate::image::Pixels;
 
     fn panorama(shift: usize) -> Frame {
         let (width, height) = (32, 16);

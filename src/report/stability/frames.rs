@@ -5,9 +5,8 @@ use super::maps::reference;
 use super::{Bound, Case, Row, row};
 use crate::camera::{FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response};
 use crate::error::Result;
-use crate::image::{
-    Frame, LatLongCentres, Pixels, PolarMap, PolarShape, decode_exr, encode_exr, luminance_f64,
-};
+use crate::files::{decode_exr, encode_exr};
+use crate::image::{Frame, LatLongCentres, Pixels, PolarMap, PolarShape, luminance_f64};
 use crate::stage::radiance_within_half;
 use glam::{DMat3, DVec2};
 

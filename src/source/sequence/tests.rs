@@ -1,6 +1,6 @@
 use super::*;
 use crate::error::Kind;
-use crate::image::{write_exr, write_png8, write_png16};
+use crate::files::{write_exr, write_png8, write_png16};
 use std::fs;
 use tempfile::TempDir;
 

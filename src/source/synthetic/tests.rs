@@ -2,8 +2,9 @@ use super::integrate::View;
 use super::*;
 use crate::camera::{Calibration, FrameToPolar, Response};
 use crate::error::{Error, Kind, TomlText};
-use crate::image::test_data::real_folder;
-use crate::image::{PolarMap, PolarShape, read};
+use crate::files::read;
+use crate::files::test_data::real_folder;
+use crate::image::{PolarMap, PolarShape};
 use std::path::{Path, PathBuf};
 
 const SKY: &str = "

@@ -1,5 +1,6 @@
 use super::*;
-use crate::image::{Stamp, read};
+use crate::files::read;
+use crate::image::Stamp;
 use crate::rt::Shutdown;
 use crate::rt::link::bounded;
 

@@ -3,7 +3,8 @@ use crate::camera::{
     BracketFit, BracketSamples, ExposureMerge, Response, SensorNoise, fit_bracket, recover_exposures,
 };
 use crate::error::{Error, Result, TomlText};
-use crate::image::{Frame, exposure_settings, write_exr};
+use crate::files::{exposure_settings, write_exr};
+use crate::image::Frame;
 use crate::picture::{Panel, Plot, Series};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,7 @@
 use super::*;
 use crate::camera::ResponseModel;
-use crate::image::{Pixels, write_png8, write_png16};
+use crate::files::{write_png8, write_png16};
+use crate::image::Pixels;
 use clap::Parser;
 
 #[derive(Parser)]

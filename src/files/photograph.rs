@@ -1,7 +1,8 @@
 //! Photographs as 8-bit grey, for what looks for shapes and not for radiance.
 
-use super::{Frame, Pixels, read};
+use super::dispatch::read;
 use crate::error::{Error, Result};
+use crate::image::{Frame, Pixels};
 use std::path::Path;
 
 /// A picture of grey values for display, row-major.
@@ -15,13 +16,13 @@ pub struct GreyPicture {
     pub values: Vec<u8>,
 }
 
-/// Shares of the pixels that may become black and white when 16 bits are scaled to 8: a lamp in the picture is a
-/// thousand times brighter than what is to be seen.
+/// Shares of the pixels that may become black and white when 16 bits are scaled to 8: a lamp in the picture
+/// is a thousand times brighter than what is to be seen.
 const BLACK_SHARE: f64 = 0.01;
 const WHITE_SHARE: f64 = 0.05;
 
-/// Reads a picture of codes: PNG, JPEG, or a frame of a recording. Colours become luma; what has more than 8 bits is
-/// stretched, so that 1 % of the pixels are black and 5 % white.
+/// Reads a picture of codes: PNG, JPEG, or a frame of a recording. Colours become luma; what has more than 8
+/// bits is stretched, so that 1 % of the pixels are black and 5 % white.
 ///
 /// # Errors
 ///
@@ -65,7 +66,7 @@ fn stretched(values: &[u16]) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::image::{write_exr, write_png8, write_png16};
+    use crate::files::{write_exr, write_png8, write_png16};
 
     #[test]
     fn sixteen_bits_are_stretched_past_lamps_and_eight_stay_as_they_are() {

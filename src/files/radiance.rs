@@ -1,12 +1,12 @@
 //! Radiance pictures (`.hdr`, `.pic`) in: RGBE, flat or run-length coded, as `image` decodes them.
 //!
-//! Every `EXPOSURE=` and `COLORCORR=` line of the header has multiplied the pixels; dividing by the product of all
-//! of them gives radiance back. Mantissas stand for themselves, without the half step that Radiance's own tools
-//! add: the figures that we compare with were made so, and it is what OpenCV and stb do.
+//! Every `EXPOSURE=` and `COLORCORR=` line of the header has multiplied the pixels; dividing by the product
+//! of all of them gives radiance back. Mantissas stand for themselves, without the half step that Radiance's
+//! own tools add: the figures that we compare with were made so, and it is what OpenCV and stb do.
 
-use super::file::{check_size, resize, with_radiance};
-use super::{Attributes, Frame};
+use super::codec::{Attributes, check_size, resize, with_radiance};
 use crate::error::{Error, Result};
+use crate::image::Frame;
 use ::image::ImageDecoder;
 use ::image::codecs::hdr::HdrDecoder;
 use std::io::BufRead;

@@ -1,9 +1,10 @@
-//! PNG pictures: 16 bits are sensor codes, in and out; 8 bits are codes of an ordinary camera, in, and pictures for
-//! people, out.
+//! PNG pictures: 16 bits are sensor codes, in and out; 8 bits are codes of an ordinary camera, in, and
+//! pictures for people, out.
 
-use super::file::{check_samples, check_size, replace, resize, widen, with_codes};
-use super::{Attributes, Frame, Pixels};
+use super::codec::{Attributes, check_samples, check_size, resize, widen, with_codes};
+use super::replace::replace_file;
 use crate::error::{Error, Result};
+use crate::image::{Frame, Pixels};
 use ::image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
 use ::image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder, Limits};
 use std::io::{BufRead, Seek, Write};
@@ -59,14 +60,14 @@ fn damaged(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error 
 ///
 /// # Errors
 ///
-/// A frame of radiance (that goes into [`write_exr`](super::write_exr)) or of the wrong length, a file that cannot
-/// be written.
+/// A frame of radiance (that goes into [`write_exr`](super::write_exr)) or of the wrong length, a file that
+/// cannot be written.
 pub fn write_png16(path: &Path, frame: &Frame) -> Result<()> {
     let Pixels::Codes(codes) = &frame.pixels else {
         return Err(Error::failed("holds radiance, which is written as OpenEXR").at(path.display()));
     };
     let colour = if frame.channels == 1 { ExtendedColorType::L16 } else { ExtendedColorType::Rgb16 };
-    replace(path, |writer| {
+    replace_file(path, |writer| {
         check_samples(frame.width, frame.height, frame.channels, codes.len())?;
         write(writer, frame.width, frame.height, colour, bytemuck::cast_slice(codes))
     })
@@ -78,7 +79,7 @@ pub fn write_png16(path: &Path, frame: &Frame) -> Result<()> {
 ///
 /// A slice of the wrong length, a file that cannot be written.
 pub fn write_png8(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<()> {
-    replace(path, |writer| {
+    replace_file(path, |writer| {
         check_samples(width, height, 3, rgb.len())?;
         write(writer, width, height, ExtendedColorType::Rgb8, rgb)
     })
@@ -112,7 +113,7 @@ fn write(
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::image::read;
+    use crate::files::read;
 
     fn codes(width: usize, height: usize, channels: usize) -> Frame {
         let codes = (0..width * height * channels).map(|n| (n * 7919 % 65536) as u16).collect();

@@ -1,6 +1,7 @@
 use super::attribute;
 use crate::error::{Error, Result};
-use crate::image::file::{check_samples, replace};
+use crate::files::codec::check_samples;
+use crate::files::replace::replace_file;
 use crate::image::{Frame, Pixels, PolarMap};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes,
@@ -11,13 +12,13 @@ use std::path::Path;
 
 /// Writes radiance as an OpenEXR file, channels `R`, `G`, `B` or `Y`, ZIP-compressed (lossless) scan lines.
 ///
-/// `half` halves the size: 11 bits of precision, values from 65520 up become infinite. The frame rate goes into
-/// `framesPerSecond`. The same frame gives the same bytes each time.
+/// `half` halves the size: 11 bits of precision, values from 65520 up become infinite. The frame rate goes
+/// into `framesPerSecond`. The same frame gives the same bytes each time.
 ///
 /// # Errors
 ///
-/// A frame of sensor codes (those go into [`write_png16`](crate::image::write_png16)) or of the wrong length, a frame
-/// rate that is not a positive number, a file that cannot be written.
+/// A frame of sensor codes (those go into [`write_png16`](crate::files::write_png16)) or of the wrong length,
+/// a frame rate that is not a positive number, a file that cannot be written.
 pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: bool) -> Result<()> {
     let Pixels::Radiance(_) = &frame.pixels else {
         return Err(Error::failed("holds sensor codes, which are written as 16-bit PNG").at(path.display()));
@@ -56,9 +57,10 @@ pub fn encode_exr(frame: &Frame, half: bool) -> Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-/// Writes a frame of a live recording: sensor codes as `uint` channels (lossless), radiance as floats or, `half`, as half
-/// floats; uncompressed, so that a recording keeps up with the camera. The attributes `framesPerSecond`, `expTime`
-/// (seconds) and those of our own tell rate, exposure, capture time, the sensor's mosaic and, as text, the lens.
+/// Writes a frame of a live recording: sensor codes as `uint` channels (lossless), radiance as floats or,
+/// `half`, as half floats; uncompressed, so that a recording keeps up with the camera. The attributes
+/// `framesPerSecond`, `expTime` (seconds) and those of our own tell rate, exposure, capture time, the
+/// sensor's mosaic and, as text, the lens.
 ///
 /// # Errors
 ///
@@ -73,7 +75,8 @@ pub fn write_recorded_exr(
     let attributes = || {
         let rate_hz = frame.stamp.frame_rate_hz;
         let mut attributes = LayerAttributes {
-            // For others; our own attribute has the rate without rounding, and those that this one cannot hold.
+            // For others; our own attribute has the rate without rounding, and those that this one cannot
+            // hold.
             frames_per_second: rational(rate_hz).ok(),
             exposure: exposure_s.map(|seconds| seconds as f32),
             ..LayerAttributes::default()
@@ -91,7 +94,7 @@ fn write(
     compression: Compression,
     half: bool,
 ) -> Result<()> {
-    replace(path, |writer| encode(writer, frame, attributes, compression, half))
+    replace_file(path, |writer| encode(writer, frame, attributes, compression, half))
 }
 
 fn encode(
@@ -161,7 +164,8 @@ fn rational(rate_hz: f64) -> Result<(i32, u32)> {
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::image::{Attributes, Bayer, Stamp, read};
+    use crate::files::{Attributes, read};
+    use crate::image::{Bayer, Stamp};
 
     fn ramp(width: usize, height: usize, channels: usize) -> Frame {
         let values = (0..width * height * channels).map(|n| n as f32 * 0.25 - 1.0).collect();

@@ -7,8 +7,8 @@
 //! - Files that `lightcast` recorded hold sensor codes as uint channels; the attributes of [`attribute`] say so.
 //! - Refused: deep data, luminance/chroma (`Y`, `RY`, `BY`) and other subsampled channels, cube maps.
 //!
-//! Blocks are decoded one after another in the calling thread: the parallel form of `exr` 1.74 starts a thread
-//! pool for every file, and a panic in that pool (damaged files cause some) ends the process.
+//! Blocks are decoded one after another in the calling thread: the parallel form of `exr` 1.74 starts a
+//! thread pool for every file, and a panic in that pool (damaged files cause some) ends the process.
 
 mod attribute;
 #[cfg(test)]
@@ -17,9 +17,9 @@ mod write;
 
 pub use write::{encode_exr, encode_map_exr, write_exr, write_recorded_exr};
 
-use super::file::{check_size, guarded, resize, with_codes, with_radiance};
-use super::{Attributes, Bayer, Frame, LatLongCentres};
+use super::codec::{Attributes, check_size, guarded, resize, with_codes, with_radiance};
 use crate::error::{Error, Result};
+use crate::image::{Bayer, Frame, LatLongCentres};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::meta::attribute::{ChannelList, Compression, EnvironmentMap, SampleType};
@@ -27,8 +27,8 @@ use exr::meta::header::Header;
 use exr::prelude::{MetaData, f16};
 use std::io::{Cursor, Read, Seek};
 
-/// Bytes of one block (a tile, or up to 256 scan lines) that are decoded at once; the widest scan-line block of
-/// three float channels takes 50 MB.
+/// Bytes of one block (a tile, or up to 256 scan lines) that are decoded at once; the widest scan-line block
+/// of three float channels takes 50 MB.
 const MAX_BLOCK_BYTES: usize = 1 << 30;
 
 /// What to take from a file, decided from its header alone.
@@ -50,8 +50,8 @@ struct Plan {
 /// Reads an OpenEXR file in memory as [`read`](super::read) reads one.
 ///
 /// # Errors
-/// Of kind [`BadFrame`](crate::error::Kind::BadFrame), as those of [`read`](super::read). `frame` is then empty (0 x 0). No
-/// content panics.
+/// Of kind [`BadFrame`](crate::error::Kind::BadFrame), as those of [`read`](super::read). `frame` is then
+/// empty (0 x 0). No content panics.
 pub fn decode_exr(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
     frame.saturation = f32::INFINITY;
     guarded(frame, |frame| read(Cursor::new(bytes), bytes.len() as u64, frame))
@@ -276,10 +276,10 @@ fn decode<T: Sample>(
 
 /// Refuses DWA blocks whose counters claim more than their pixels can need.
 ///
-/// `exr` 1.74 allocates what the counters say; an absurd one would end the process, which nothing can catch. The
-/// counters are u64, little endian: version, then the sizes of unknown (unpacked), unknown, AC, DC, RLE, RLE
-/// (inflated) and RLE (raw) data in bytes, then the counts of AC and DC values of two bytes. Lossless data
-/// grows to at most twice its size as RLE tokens, and every pixel has at most one coefficient.
+/// `exr` 1.74 allocates what the counters say; an absurd one would end the process, which nothing can catch.
+/// The counters are u64, little endian: version, then the sizes of unknown (unpacked), unknown, AC, DC, RLE,
+/// RLE (inflated) and RLE (raw) data in bytes, then the counts of AC and DC values of two bytes. Lossless
+/// data grows to at most twice its size as RLE tokens, and every pixel has at most one coefficient.
 fn check_dwa_counters(chunk: &Chunk, header: &Header) -> Result<()> {
     if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
         return Ok(());

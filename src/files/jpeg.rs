@@ -1,8 +1,8 @@
 //! JPEG pictures of ordinary cameras: codes of 8 bits, which a response turns into radiance.
 
-use super::file::{check_size, guarded, resize, widen, with_codes};
-use super::{Attributes, Frame};
+use super::codec::{Attributes, check_size, guarded, resize, widen, with_codes};
 use crate::error::{Error, Result};
+use crate::image::Frame;
 use ::image::codecs::jpeg::JpegDecoder;
 use ::image::{ColorType, ImageDecoder};
 use std::io::{Cursor, Read};
@@ -13,14 +13,14 @@ const MAX_FILE_BYTES: u64 = 1 << 28;
 /// A block of 64 samples takes at least a bit, and a byte of colour stands for up to 4 pixels' bytes.
 const MAX_INFLATION: u64 = 2048;
 
-/// Decodes a JPEG picture, such as one frame of an MJPEG camera, into codes from 0 to 255: 1 channel for grey, 3 for
-/// colour as coded (usually sRGB). The frame's buffer is reused when it fits; its stamp is left as it is. The decoder
-/// itself allocates.
+/// Decodes a JPEG picture, such as one frame of an MJPEG camera, into codes from 0 to 255: 1 channel for
+/// grey, 3 for colour as coded (usually sRGB). The frame's buffer is reused when it fits; its stamp is left
+/// as it is. The decoder itself allocates.
 ///
 /// # Errors
 ///
-/// Of kind [`BadFrame`](crate::error::Kind::BadFrame): truncated, damaged, CMYK, or of a size that is not read.
-/// `frame` is then empty (0 x 0). No content panics.
+/// Of kind [`BadFrame`](crate::error::Kind::BadFrame): truncated, damaged, CMYK, or of a size that is not
+/// read. `frame` is then empty (0 x 0). No content panics.
 pub fn decode_jpeg(bytes: &[u8], frame: &mut Frame) -> Result<()> {
     guarded(frame, |frame| decode(bytes, frame))
 }
@@ -75,7 +75,8 @@ fn damaged(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error 
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::image::{Pixels, read as read_file};
+    use crate::files::read as read_file;
+    use crate::image::Pixels;
     use ::image::{ExtendedColorType, codecs::jpeg::JpegEncoder};
 
     fn encoded(width: u32, height: u32, colour: ExtendedColorType, samples: &[u8]) -> Vec<u8> {

@@ -1,5 +1,6 @@
 use crate::error::Result;
-use crate::image::{Attributes, Frame, LatLongCentres, Pixels, read};
+use crate::files::{Attributes, read};
+use crate::image::{Frame, LatLongCentres, Pixels};
 use exr::math::RoundingMode;
 use exr::meta::attribute::EnvironmentMap;
 use exr::prelude::{
@@ -181,7 +182,8 @@ fn wrong_channel_sets_luminance_chroma_and_deep_files_are_refused_by_name() {
     assert!(error.starts_with("has the channels G, R, Z; R, G and B, or Y,"), "{error}");
     let chroma = file(&[("Y", some()), ("RY", some()), ("BY", some())]);
     assert!(refusal(&chroma).contains("luminance and chroma"));
-    // `exr` writes no subsampled channels; make one by hand: after the name stand type, linearity and sampling.
+    // `exr` writes no subsampled channels; make one by hand: after the name stand type, linearity and
+    // sampling.
     let mut quarter = chroma.clone();
     let name = chroma.windows(4).position(|window| window == b"RY\0\x02").expect("a float channel");
     (quarter[name + 11], quarter[name + 15]) = (2, 2);

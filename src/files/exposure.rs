@@ -9,7 +9,8 @@ use std::path::Path;
 /// How much light a photograph took.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExposureSettings {
-    /// Exposure time, finite and > 0. Cameras write nominal values: 13 s is most often 12.8 s, 1/2500 s 1/2560 s.
+    /// Exposure time, finite and > 0. Cameras write nominal values: 13 s is most often 12.8 s, 1/2500 s
+    /// 1/2560 s.
     pub time_s: f64,
     /// Sensitivity (ISO 12232), where the file says it.
     pub sensitivity_iso: Option<f64>,
@@ -30,7 +31,8 @@ impl ExposureSettings {
     }
 }
 
-/// Reads the exposure from the EXIF data of a JPEG, PNG or TIFF file; `None` where it has none or no exposure time.
+/// Reads the exposure from the EXIF data of a JPEG, PNG or TIFF file; `None` where it has none or no exposure
+/// time.
 ///
 /// # Errors
 /// Of kind [`BadFrame`](crate::error::Kind::BadFrame), naming the file, when it cannot be opened.
@@ -56,7 +58,7 @@ pub fn exposure_settings(path: &Path) -> Result<Option<ExposureSettings>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::test_data::real_folder;
+    use crate::files::test_data::real_folder;
 
     #[test]
     fn exposures_are_compared_at_one_sensitivity_and_aperture() {

@@ -1,0 +1,26 @@
+//! Picture files: any kind is read ([`read`], in memory [`decode_exr`] and [`decode_jpeg`]), OpenEXR and PNG
+//! are written ([`write_exr`], [`write_png16`], [`write_png8`]), and EXIF data tell the exposure
+//! ([`exposure_settings`]).
+
+mod codec;
+mod dispatch;
+mod exposure;
+mod jpeg;
+mod open_exr;
+#[cfg(feature = "april-grid")]
+mod photograph;
+mod png;
+mod radiance;
+mod replace;
+#[cfg(test)]
+pub(crate) mod test_data;
+
+pub use codec::{Attributes, MAX_PIXELS, MAX_SIDE_PX};
+pub use dispatch::{decode, lat_long_note, read};
+pub use exposure::{ExposureSettings, exposure_settings};
+pub use jpeg::decode_jpeg;
+pub use open_exr::{decode_exr, encode_exr, encode_map_exr, write_exr, write_recorded_exr};
+#[cfg(feature = "april-grid")]
+pub use photograph::{GreyPicture, read_grey};
+pub use png::{encode_png8, write_png8, write_png16};
+pub use replace::replace_file;
