@@ -2,6 +2,7 @@
 
 pub mod camera;
 pub mod cli;
+pub mod compare;
 pub mod config;
 pub mod error;
 pub mod files;

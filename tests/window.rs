@@ -5,7 +5,8 @@
 #[path = "clients/server.rs"]
 mod server;
 
-use lightcast::image::{Frame, Pixels, write_exr};
+use lightcast::files::write_exr;
+use lightcast::image::{Frame, Pixels};
 use server::{Guard, Server};
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};

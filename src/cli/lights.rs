@@ -1,10 +1,11 @@
 use super::input::Input;
 use super::panorama::{map_shape, read_panorama};
 use super::resolution::Resolution;
+use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::{Error, Result};
-use crate::image::replace_file;
+use crate::files::replace_file;
 use crate::light::error::ListError;
-use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
+use crate::light::{self, LightList};
 use crate::picture::draw_map;
 use clap::ValueEnum;
 use std::io::{self, ErrorKind};
@@ -60,6 +61,10 @@ pub(super) struct Arguments {
 pub(super) enum SamplerName {
     /// Cells about samples of luminance^0.75, each with its flux, mean direction and spread.
     Refined,
+    /// As refined, with dominant peaks apart: what `run` makes of a first frame.
+    Adaptive,
+    /// As refined: what `run` makes of a first frame with persistent lights.
+    Persistent,
     /// Lights of equal luminous power at the samples (Havran et al. 2005).
     EqualPower,
     /// Rectangles of even energy (Debevec 2005).
@@ -85,8 +90,10 @@ enum InversionName {
 impl From<SamplerName> for Sampler {
     fn from(name: SamplerName) -> Self {
         match name {
-            SamplerName::Refined => Self::Refined,
-            SamplerName::EqualPower => Self::EqualPower,
+            SamplerName::Refined => Self::Live(light::Sampler::Refined),
+            SamplerName::Adaptive => Self::Live(light::Sampler::Adaptive),
+            SamplerName::Persistent => Self::Live(light::Sampler::Persistent),
+            SamplerName::EqualPower => Self::Live(light::Sampler::EqualPower),
             SamplerName::MedianCut => Self::MedianCut,
             SamplerName::VarianceMinimisation => Self::VarianceMinimisation,
             SamplerName::Structured => Self::Structured,
@@ -108,10 +115,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
             InversionName::NormalisedRows => Inversion::NormalisedRows,
             InversionName::Standard => Inversion::Standard,
         },
-        ..Options::default()
     };
     let mut list = LightList::default();
-    Extractor::new(map.shape, &options)?.step(&map, &mut list);
+    AnyExtractor::new(map.shape, &options)?.step(&map, &mut list);
     ListError::new().measure(&mut list);
     if let Some(path) = picture {
         draw_map(&map, &list.lights).write(path)?;

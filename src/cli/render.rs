@@ -6,10 +6,11 @@ mod window;
 use super::input::{Input, InputArguments};
 use super::lights::SamplerName;
 use super::resolution::Resolution;
+use crate::compare::{self, AnyExtractor, Inversion};
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
 use crate::image::PolarMap;
-use crate::light::{self, Extractor, Light, LightList};
+use crate::light::{Light, LightList};
 use crate::net::ClientOptions;
 use crate::render::{Options, Renderer};
 use crate::scene::{Camera, Scene, Shading};
@@ -260,9 +261,10 @@ fn lights_of_map(arguments: &Arguments, scene: &Scene, map: &PolarMap) -> Result
         Shading::Phong { specular, .. } => specular != [0.0; 3],
     });
     let count = if is_glossy { arguments.lights.max(arguments.glossy_lights) } else { arguments.lights };
-    let options = light::Options { count, sampler: arguments.sampler.into(), ..light::Options::default() };
+    let options =
+        compare::Options { count, sampler: arguments.sampler.into(), inversion: Inversion::default() };
     let mut list = LightList::default();
-    Extractor::new(map.shape, &options)?.extract(map, &mut list);
+    AnyExtractor::new(map.shape, &options)?.extract(map, &mut list);
     Ok(list.lights)
 }
 

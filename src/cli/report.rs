@@ -8,9 +8,10 @@ mod sequences;
 
 use super::signals::SignalWatch;
 use super::standard_output::print;
+use crate::compare::stability;
 use crate::error::{Error, Result};
 use crate::light::MAX_LIGHTS;
-use crate::report::{stability, tables};
+use crate::report::tables;
 use crate::rt::Shutdown;
 use making::Report;
 use std::path::PathBuf;

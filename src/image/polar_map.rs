@@ -30,6 +30,12 @@ impl PolarShape {
         self.theta_max_rad * row as f64 / self.rows as f64
     }
 
+    /// Height `z = 1 - cos theta` at a row: a whole number is the row's upper edge, and half more its centre.
+    pub fn height(&self, row: f64) -> f64 {
+        // This form keeps its digits near the pole.
+        2.0 * (0.5 * self.theta_max_rad * row / self.rows as f64).sin().powi(2)
+    }
+
     /// Solid angle in steradians of one pixel of `row`.
     pub fn pixel_solid_angle(&self, row: usize) -> f64 {
         zone_solid_angle(self.theta_edge_rad(row), self.theta_edge_rad(row + 1), 1.0 / self.columns as f64)

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 ///
 /// `close` says whether a pixel belongs to the component and has not been seen before, and remembers it; it is not asked
 /// for `start`. `stack` is scratch memory.
-pub(super) fn collect(
+pub fn collect_component(
     shape: PolarShape,
     start: usize,
     mut close: impl FnMut(usize) -> bool,

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// of the map, and each has the chromaticity of the map's pixel in its direction. RGB sums are therefore only nearly
 /// those of the map. Where that pixel is black the light takes the map's mean chromaticity. `spread_rad` is 0, which
 /// stands for unknown.
-pub(super) fn equal_power(map: &PolarMap, directions: &[[f32; 3]], lights: &mut Vec<Light>) {
+pub fn equal_power(map: &PolarMap, directions: &[[f32; 3]], lights: &mut Vec<Light>) {
     let power = map.power();
     let luminous_power = luminance_f64(power);
     let share = luminous_power / directions.len().max(1) as f64;

@@ -3,7 +3,6 @@
 //! [`Extractor`] is the stage's algorithm: it places sites by importance sampling or takes those of the last frame,
 //! gives every pixel to its nearest site and sums the cells up to lights. Of adaptive lights dominant peaks are taken
 //! apart before.
-//! Other methods of the field have a file each, for comparison and for whoever chooses them.
 //! [`prefix`] and [`cluster`] shorten a list, [`Regions`] sort it by what a normal or a cone needs of it.
 
 mod adaptive;
@@ -13,24 +12,20 @@ mod count;
 mod equal_power;
 pub mod error;
 mod extractor;
-mod kollig_keller;
 mod list;
 pub mod measure;
-mod median_cut;
 mod nearest;
 mod occlusion;
+mod options;
 mod peaks;
 mod prefix;
-mod rectangles;
 mod reference;
 mod refine;
 mod regions;
 mod seeds;
-mod structured;
-mod variance_minimisation;
 
 #[cfg(test)]
-mod extractor_tests;
+pub(crate) mod extractor_tests;
 #[cfg(test)]
 mod sequence_tests;
 #[cfg(test)]
@@ -39,9 +34,14 @@ pub(crate) mod test_maps;
 #[cfg(test)]
 pub(crate) use adaptive::REST_S;
 pub use cluster::cluster;
-pub use extractor::{Extractor, Inversion, MAX_LIGHTS, Options, Sampler};
+pub use components::collect_component;
+pub use equal_power::equal_power;
+pub use extractor::{Extractor, MAX_LIGHTS};
 pub use list::{Light, LightList, ListFile, MOST_IRRADIANCE, MOST_POWER};
 pub use nearest::NearestSites;
+pub use options::{Options, Sampler};
 pub use prefix::{Prefixes, prefix};
 pub use reference::MapIrradiance;
+pub use refine::{Share, Voronoi};
 pub use regions::{RegionLists, Regions};
+pub use seeds::dampened_luminance;

@@ -6,7 +6,7 @@
 //! Giving away whole pixels instead would move the light by jumps as pixels cross the limit: on the Moon behind passing
 //! cloud, over 0.5-degree pixels, up to 0.13 degrees instead of 0.03.
 
-use super::components::collect;
+use super::components::collect_component;
 use super::refine::Share;
 use crate::image::{PolarMap, PolarShape, luminance, luminance_f64};
 use crate::math::angle_between;
@@ -225,7 +225,7 @@ impl Peaks {
         let first = self.members.len();
         self.is_open[start] = false;
         let close = |pixel: usize| std::mem::replace(&mut self.is_open[pixel], false);
-        collect(self.shape, start, close, &mut self.stack, &mut self.members);
+        collect_component(self.shape, start, close, &mut self.stack, &mut self.members);
         let mut share = Share::default();
         for &index in &self.members[first..] {
             share.add(&excess_of(map, index, limit));

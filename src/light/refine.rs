@@ -12,9 +12,11 @@ use glam::DVec3;
 
 /// RGB flux and luminous first moment of a share.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Share {
-    pub(super) flux: [f64; 3],
-    pub(super) moment: DVec3,
+pub struct Share {
+    /// RGB flux: the integral of radiance over the share.
+    pub flux: [f64; 3],
+    /// Integral of luminous radiance times direction.
+    pub moment: DVec3,
 }
 
 impl Share {
@@ -25,7 +27,8 @@ impl Share {
         Self { flux, moment: DVec3::from(light.direction.map(f64::from)) * length }
     }
 
-    pub(super) fn add(&mut self, other: &Self) {
+    /// Joins another share.
+    pub fn add(&mut self, other: &Self) {
         for channel in 0..3 {
             self.flux[channel] += other.flux[channel];
         }
@@ -37,7 +40,7 @@ impl Share {
     }
 
     /// The light of this share; towards `site` where the share has no flux or its directions cancel.
-    pub(super) fn light(&self, id: u32, site: [f32; 3]) -> Light {
+    pub fn light(&self, id: u32, site: [f32; 3]) -> Light {
         let flux = luminance_f64(self.flux);
         let length = self.moment.length();
         // Below that part of the flux a resultant is the rounding of f64 sums over millions of pixels.
@@ -61,18 +64,9 @@ impl Share {
     }
 }
 
-/// Adds lights without power until there are `count`, in the directions of those that are there, at least one.
-pub(super) fn fill_up(lights: &mut Vec<Light>, count: usize) {
-    let known = lights.len();
-    for id in known..count {
-        let direction = lights[id % known].direction;
-        lights.push(Light { id: id as u32, direction, irradiance: [0.0; 3], spread_rad: 0.0 });
-    }
-}
-
 /// The cells of sites: which pixels are nearest to each, and what they hold. One pass over the map for each.
 #[derive(Clone, Debug)]
-pub(super) struct Voronoi {
+pub struct Voronoi {
     shape: PolarShape,
     nearest_sites: NearestSites,
     /// The number of the site of every pixel.
@@ -84,7 +78,7 @@ pub(super) struct Voronoi {
 
 impl Voronoi {
     /// For maps of one shape and at most `site_count` sites.
-    pub(super) fn new(shape: PolarShape, site_count: usize) -> Self {
+    pub fn new(shape: PolarShape, site_count: usize) -> Self {
         Self {
             shape,
             nearest_sites: NearestSites::new(shape, site_count),
@@ -96,7 +90,7 @@ impl Voronoi {
 
     /// Writes the light of the cell of every site: its RGB flux (the sum over all lights is that of the map), its
     /// flux-weighted mean direction and its spread. The light of an empty cell has no power and the site's direction.
-    pub(super) fn refine(&mut self, map: &PolarMap, sites: &[[f32; 3]], lights: &mut Vec<Light>) {
+    pub fn refine(&mut self, map: &PolarMap, sites: &[[f32; 3]], lights: &mut Vec<Light>) {
         let columns = map.shape.columns;
         let row = |row: usize| &map.pixels[row * columns..(row + 1) * columns];
         let cells = self.sum(sites, row).iter().zip(sites).enumerate();

@@ -8,6 +8,13 @@ pub fn direction(theta_rad: f64, phi_rad: f64) -> DVec3 {
     DVec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi)
 }
 
+/// Unit vector at the height `z = 1 - cos theta`, from 0 to 2, and an azimuth in radians.
+pub fn direction_at_height(z: f64, phi_rad: f64) -> DVec3 {
+    let sin_theta = (z * (2.0 - z)).max(0.0).sqrt();
+    let (sin_phi, cos_phi) = phi_rad.sin_cos();
+    DVec3::new(sin_theta * cos_phi, 1.0 - z, sin_theta * sin_phi)
+}
+
 /// `(theta, phi)` of a vector of any positive length: theta in [0, pi], phi in [0, 2 pi). The inverse of
 /// [`direction`]; exact near the poles, where an arc cosine would lose half the digits. The zero vector gives
 /// (0, 0).

@@ -11,6 +11,6 @@ mod solid_angle;
 
 pub use concentric::{disc_from_square, square_from_disc};
 pub use cube_map::{cube_cell, cube_cell_solid_angle, cube_direction};
-pub use direction::{angle_between, direction, polar};
+pub use direction::{angle_between, direction, direction_at_height, polar};
 pub use fibonacci::fibonacci_sphere;
 pub use solid_angle::zone_solid_angle;

@@ -21,8 +21,8 @@
 //! has at most its time and at most its value, and less of one.
 
 use super::machine::{Machine, now_utc};
-use super::stability;
 use super::table::Table;
+use crate::compare::stability;
 use serde_json::{Value, json};
 
 /// A table as text.

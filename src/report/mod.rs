@@ -16,7 +16,6 @@ pub mod picture_error;
 pub mod picture_tables;
 #[cfg(feature = "render")]
 pub mod pictures;
-mod plain_paper;
 pub mod sequence;
 mod sequence_maps;
 pub mod sequence_table;
@@ -24,7 +23,6 @@ pub mod sequence_table;
 pub mod speed;
 #[cfg(feature = "render")]
 pub mod speed_cases;
-pub mod stability;
 pub mod stills;
 pub mod table;
 pub mod tables;

@@ -1,9 +1,10 @@
 //! Error of pictures for a report: every method of single maps, with the built-in scene.
 
 use super::pictures::{self, Pictures};
-use super::stills::{METHODS, OURS};
+use super::stills::timed_list;
 use super::table::{Measure, Row, Table};
 use super::tables::Origin;
+use crate::compare::still_methods::{METHODS, OURS};
 use crate::error::Result;
 use crate::image::{PolarMap, PolarShape};
 use crate::render;
@@ -37,7 +38,7 @@ pub fn options(lights: usize) -> render::Options {
 /// reference is drawn, `None` when it says no; `row_done` is called after every row.
 ///
 /// # Errors
-/// Those of the device, and of [`Method::timed_list`](super::stills::Method::timed_list).
+/// Those of the device, and of [`timed_list`].
 pub fn of_map(
     origin: Origin,
     pictures: &mut Pictures,
@@ -55,7 +56,7 @@ pub fn of_map(
             if !goes_on() {
                 return Ok(None);
             }
-            let (list, time) = method.timed_list(map, count)?;
+            let (list, time) = timed_list(&method, map, count)?;
             let (rms, flip) = pictures.errors(&list)?;
             rows.push(Row {
                 method: method.name.to_owned(),

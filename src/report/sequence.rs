@@ -8,68 +8,21 @@
 
 use super::filtered_truth::filtered;
 use super::sequence_maps::{garden_frame, hall_frame};
+use crate::compare::sequence_methods::SequenceMethod;
+use crate::compare::still_methods::SHAPE;
 use crate::error::{Error, Result};
-use crate::image::{PolarMap, PolarShape, Stamp};
+use crate::image::{PolarMap, Stamp};
 use crate::light::measure::{Emitters, soft_ground_cells};
-use crate::light::{Extractor, Inversion, Light, LightList, Options, Sampler};
+use crate::light::{Light, LightList};
 use crate::math::angle_between;
-use crate::temporal::{Directions, FilterOptions, LightFilter, design};
+use crate::temporal::{FilterOptions, LightFilter, design};
 use glam::DVec3;
 use std::time::{Duration, Instant};
 
-/// Size of the maps that the figures are given for.
-pub const SHAPE: PolarShape = super::stills::SHAPE;
 /// Frames of a sequence.
 pub const FRAMES: usize = 40;
-/// Lights of a list.
-pub const LIGHTS: usize = 128;
 /// The rate that the published taps are for.
 const FRAME_RATE_HZ: f64 = 25.0;
-
-/// How the lights of a sequence are found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// Equal-power lights by the bicontinuous inversion with normalised rows, each frame by itself: the paper's.
-    Paper,
-    /// Refined lights, each frame by itself.
-    Refined,
-    /// Persistent lights.
-    Persistent,
-    /// Adaptive lights, and directions filtered by power: what `lightcast run` does by default.
-    Adaptive,
-}
-
-impl Method {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Paper, Self::Refined, Self::Persistent, Self::Adaptive];
-    /// The one that `run` takes unless told otherwise.
-    pub const OURS: Self = Self::Adaptive;
-
-    /// What tables call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Paper => "the paper",
-            Self::Refined => "refined",
-            Self::Persistent => "persistent",
-            Self::Adaptive => "adaptive",
-        }
-    }
-
-    fn sampler(self) -> Sampler {
-        match self {
-            Self::Paper => Sampler::EqualPower,
-            Self::Refined => Sampler::Refined,
-            Self::Persistent => Sampler::Persistent,
-            Self::Adaptive => Sampler::Adaptive,
-        }
-    }
-
-    /// The paper's filter for the methods of METHODS' table, which were measured with it.
-    fn filter(self) -> FilterOptions {
-        let directions = if self == Self::Adaptive { Directions::ByPower } else { Directions::Alike };
-        FilterOptions { directions, ..FilterOptions::default() }
-    }
-}
 
 /// How far lists are from the truth over a sequence, and how unsteadily.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -198,11 +151,13 @@ impl Sequence {
     ///
     /// # Errors
     /// Those of the extractor and the filter.
-    pub fn measure(&self, method: Method, count: usize, goes_on: &dyn Fn() -> bool) -> Result<Option<Timed>> {
-        let normalised = Options { inversion: Inversion::NormalisedRows, ..Options::default() };
-        let others = if method == Method::Paper { normalised } else { Options::default() };
-        let options = Options { count, sampler: method.sampler(), ..others };
-        let mut extractor = Extractor::new(self.maps[0].shape, &options)?;
+    pub fn measure(
+        &self,
+        method: SequenceMethod,
+        count: usize,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Timed>> {
+        let mut extractor = method.extractor(self.maps[0].shape, count)?;
         let mut filter = LightFilter::new(&method.filter())?;
         let (mut before, mut after, mut times) = (Vec::new(), Vec::new(), Vec::new());
         let (mut list, mut filtered) = (LightList::default(), LightList::default());

@@ -1,20 +1,11 @@
 //! The table of METHODS section 7: what was measured there beside what is measured here.
 
-use super::sequence::{BeforeAndAfter, LIGHTS, Method, Sequence};
+use super::sequence::{BeforeAndAfter, Sequence};
 use super::tables::Measured;
+use crate::compare::sequence_methods::{
+    GOALS, LIGHTS, MOTION_GOAL_DEG, PUBLISHED_SEQUENCES, Published, SequenceMethod,
+};
 use crate::error::Result;
-
-/// Figures of METHODS section 7, made with a float64 reference model, every light a direction. For adaptive lights those
-/// of "persistent, dominant peaks apart".
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Published {
-    /// Error and flicker before the filter.
-    pub before: [f64; 2],
-    /// 99th percentile of light motion before the filter, in degrees a frame.
-    pub motion_p99_deg: f64,
-    /// Error and flicker after the filter.
-    pub after: [f64; 2],
-}
 
 /// One method on one sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,17 +13,12 @@ pub struct Row {
     /// `garden` or `hall`.
     pub sequence: &'static str,
     /// How the lights were found.
-    pub method: Method,
+    pub method: SequenceMethod,
     /// What came out.
     pub measured: BeforeAndAfter,
     /// What METHODS found.
     pub published: Published,
 }
-
-/// What adaptive lights are to reach after the filter, shadows softened by their spread: error and flicker ...
-pub const GOALS: [(&str, [f64; 2]); 2] = [("garden", [0.003, 0.006]), ("hall", [0.0012, 0.0003])];
-/// ... and 99th percentile of light motion before and after it, in degrees a frame.
-pub const MOTION_GOAL_DEG: f64 = 2.0;
 
 impl Row {
     /// Largest of error, flicker and motion p99 before and error and flicker after the filter, each relative to what
@@ -58,48 +44,8 @@ impl Row {
         let BeforeAndAfter { before, soft_after, .. } = self.measured;
         let motion_deg = before.motion_deg[1].max(soft_after.motion_deg[1]);
         let ratios = [soft_after.error / error, soft_after.flicker / flicker, motion_deg / MOTION_GOAL_DEG];
-        (self.method == Method::Adaptive).then(|| ratios.into_iter().fold(0.0, f64::max))
+        (self.method == SequenceMethod::Adaptive).then(|| ratios.into_iter().fold(0.0, f64::max))
     }
-}
-
-/// One of METHODS' own sequences.
-struct Scene {
-    name: &'static str,
-    /// The panorama that it is made of, without its extension.
-    panorama: &'static str,
-    published: [(Method, Published); 4],
-}
-
-const SCENES: [Scene; 2] = [
-    Scene {
-        name: "garden",
-        panorama: "chinese_garden_1k",
-        published: [
-            (Method::Paper, published([0.0268, 0.0149], 18.0, [0.0298, 0.0151])),
-            (Method::Refined, published([0.0012, 0.0005], 12.0, [0.0454, 0.0896])),
-            (Method::Persistent, published([0.0030, 0.0070], 1.7, [0.0113, 0.0268])),
-            (Method::Adaptive, published([0.0035, 0.0083], 1.5, [0.0045, 0.0119])),
-        ],
-    },
-    Scene {
-        name: "hall",
-        panorama: "dancing_hall_1k",
-        published: [
-            (Method::Paper, published([0.0343, 0.0656], 100.0, [0.0763, 0.0563])),
-            (Method::Refined, published([0.0017, 0.0024], 82.0, [0.0450, 0.0458])),
-            (Method::Persistent, published([0.0012, 0.0008], 1.5, [0.0011, 0.0002])),
-            (Method::Adaptive, published([0.0012, 0.0009], 1.4, [0.0012, 0.0002])),
-        ],
-    },
-];
-
-const fn published(before: [f64; 2], motion_p99_deg: f64, after: [f64; 2]) -> Published {
-    Published { before, motion_p99_deg, after }
-}
-
-/// Whether there are published figures for `sequence` made of the panorama with this name, without its extension.
-pub fn is_published(sequence: &str, panorama: &str) -> bool {
-    SCENES.iter().any(|scene| (scene.name, scene.panorama) == (sequence, panorama))
 }
 
 /// The rows of one of METHODS' sequences, `garden` or `hall`: figures of [`LIGHTS`] lights, those that `known` has, which
@@ -115,7 +61,7 @@ pub fn rows(
     goes_on: &dyn Fn() -> bool,
 ) -> Result<Option<Vec<Row>>> {
     let mut rows = Vec::new();
-    for scene in SCENES.iter().filter(|scene| scene.name == name) {
+    for scene in PUBLISHED_SEQUENCES.iter().filter(|known| known.name == name) {
         for &(method, published) in &scene.published {
             let timed = match known.iter().find(|known| (known.method, known.count) == (method, LIGHTS)) {
                 Some(known) => known.timed,
@@ -184,8 +130,9 @@ pub fn lines(rows: &[Row]) -> Vec<String> {
     lines.push(heading("soft shadows"));
     for row in rows {
         let BeforeAndAfter { soft_before: before, soft_after: after, .. } = &row.measured;
-        let goal =
-            GOALS.into_iter().find(|(name, _)| *name == row.sequence && row.method == Method::Adaptive);
+        let goal = GOALS
+            .into_iter()
+            .find(|(name, _)| *name == row.sequence && row.method == SequenceMethod::Adaptive);
         let pair = |value: f64, place: usize| match goal {
             Some((_, goals)) => format!("{value:.4} ({:.4})", goals[place]),
             None => format!("{value:.4}"),
@@ -204,9 +151,11 @@ pub fn lines(rows: &[Row]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compare::sequence_methods::is_published;
+    use crate::compare::still_methods::SHAPE;
     use crate::image::PolarMap;
     use crate::light::test_maps::real_map;
-    use crate::report::sequence::{Figures, SHAPE, Timed};
+    use crate::report::sequence::{Figures, Timed};
     use std::time::Duration;
 
     #[test]
@@ -225,7 +174,7 @@ mod tests {
         assert_eq!(lines.len(), 18);
         for (row, line) in rows.iter().zip(&lines[1..]) {
             let mut row = *row;
-            if (row.sequence, row.method) == ("garden", Method::Paper) {
+            if (row.sequence, row.method) == ("garden", SequenceMethod::Paper) {
                 // Where a light of the inverse transform hops to when a sun crosses the seam hangs on details that
                 // METHODS leaves open: 24 degrees instead of 18. Error and flicker keep the limit.
                 assert!(row.measured.before.motion_deg[1] < 25.0, "{line}");
@@ -233,7 +182,9 @@ mod tests {
             }
             assert!(row.worst_ratio() <= LIMIT, "{line}");
         }
-        for (row, line) in rows.iter().zip(&lines[10..]).filter(|(row, _)| row.method == Method::Adaptive) {
+        for (row, line) in
+            rows.iter().zip(&lines[10..]).filter(|(row, _)| row.method == SequenceMethod::Adaptive)
+        {
             assert!(row.worst_of_goals().unwrap() <= 1.0, "{line}");
         }
     }
@@ -249,10 +200,10 @@ mod tests {
         let known =
             |method| Measured { method, count: LIGHTS, timed: Timed { measured, time: Duration::ZERO } };
         // Nothing is left to ask for.
-        let found = rows("hall", &sequence, &Method::ALL.map(known), &|| false).unwrap().unwrap();
+        let found = rows("hall", &sequence, &SequenceMethod::ALL.map(known), &|| false).unwrap().unwrap();
         assert!(found.iter().all(|row| row.sequence == "hall" && row.measured == measured));
-        assert_eq!(found.iter().map(|row| row.method).collect::<Vec<_>>(), Method::ALL);
-        assert_eq!(rows("hall", &sequence, &Method::ALL.map(known)[1..], &|| false).unwrap(), None);
+        assert_eq!(found.iter().map(|row| row.method).collect::<Vec<_>>(), SequenceMethod::ALL);
+        assert_eq!(rows("hall", &sequence, &SequenceMethod::ALL.map(known)[1..], &|| false).unwrap(), None);
         assert!(is_published("hall", "dancing_hall_1k") && !is_published("hall", "chinese_garden_1k"));
     }
 
@@ -261,7 +212,7 @@ mod tests {
         let figures = |error, flicker| Figures { error, flicker, motion_deg: [0.1, 1.0, 2.0] };
         let mut row = Row {
             sequence: "hall",
-            method: Method::Persistent,
+            method: SequenceMethod::Persistent,
             measured: BeforeAndAfter {
                 before: figures(0.0012, 0.0008),
                 after: figures(0.0011, 0.0002),
@@ -275,7 +226,7 @@ mod tests {
         assert!((row.worst_ratio() - 2.0).abs() < 1e-12);
         assert!(lines(&[row])[1].ends_with("2.00 times the figure in brackets"));
         assert_eq!(row.worst_of_goals(), None);
-        row.method = Method::Adaptive;
+        row.method = SequenceMethod::Adaptive;
         assert!((row.worst_of_goals().unwrap() - 0.0011 / 0.0012).abs() < 1e-12);
         assert!(lines(&[row])[3].ends_with("ok"));
         row.measured.soft_after.motion_deg[1] = 3.0;

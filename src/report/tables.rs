@@ -1,8 +1,10 @@
 //! Measures maps and sequences and puts the figures into tables of a report.
 
-use super::sequence::{Figures, Method, Sequence, Timed};
+use super::sequence::{Figures, Sequence, Timed};
 use super::stills;
 use super::table::{Measure, Row, Table};
+use crate::compare::sequence_methods::SequenceMethod;
+use crate::compare::still_methods::OURS;
 use crate::error::Result;
 use crate::image::PolarMap;
 
@@ -73,14 +75,14 @@ pub fn of_map(
         front: Vec::new(),
     };
     let rows = measured.iter().map(row).collect();
-    Ok(Some((Table::new(origin.name, origin.command, &OF_MAPS, stills::OURS, rows), measured)))
+    Ok(Some((Table::new(origin.name, origin.command, &OF_MAPS, OURS, rows), measured)))
 }
 
 /// What one method with some number of lights made of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
     /// How the lights were found.
-    pub method: Method,
+    pub method: SequenceMethod,
     /// How many.
     pub count: usize,
     /// What came out.
@@ -100,7 +102,7 @@ pub fn of_sequence(
     mut row_done: impl FnMut(),
 ) -> Result<Option<(Table, Vec<Measured>)>> {
     let (mut rows, mut measured) = (Vec::new(), Vec::new());
-    for method in Method::ALL {
+    for method in SequenceMethod::ALL {
         for &count in counts {
             let Some(timed) = sequence.measure(method, count, goes_on)? else { return Ok(None) };
             measured.push(Measured { method, count, timed });
@@ -127,7 +129,7 @@ pub fn of_sequence(
             row_done();
         }
     }
-    let mut table = Table::new(origin.name, origin.command, &OF_SEQUENCES, Method::OURS.name(), rows);
+    let mut table = Table::new(origin.name, origin.command, &OF_SEQUENCES, SequenceMethod::OURS.name(), rows);
     let (frames, rate_hz) = (sequence.frame_count(), sequence.frame_rate_hz());
     table.notes = if sequence.is_filtered() {
         format!("{frames} frames at {rate_hz} frames/s, after the filter unless said otherwise.")
@@ -142,6 +144,7 @@ pub fn of_sequence(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compare::still_methods::METHODS;
     use crate::image::PolarShape;
 
     const SHAPE: PolarShape = PolarShape::hemisphere(36, 9);
@@ -153,7 +156,7 @@ mod tests {
     #[test]
     fn a_black_map_has_no_errors_and_a_front() {
         let (table, _) = of_map(origin(), &PolarMap::black(SHAPE), &[4, 8], || true).unwrap().unwrap();
-        assert_eq!(table.rows.len(), 2 * stills::METHODS.len());
+        assert_eq!(table.rows.len(), 2 * METHODS.len());
         assert!(table.rows.iter().all(|row| row.values == [0.0; 5] && row.time_ms > 0.0), "{table:?}");
         for count in [4, 8] {
             // The quickest alone, for every measure.
@@ -178,7 +181,7 @@ mod tests {
 
     #[test]
     fn ours_are_among_the_methods() {
-        assert!(stills::METHODS.iter().any(|method| method.name == stills::OURS));
-        assert!(Method::ALL.contains(&Method::OURS));
+        assert!(METHODS.iter().any(|method| method.name == OURS));
+        assert!(SequenceMethod::ALL.contains(&SequenceMethod::OURS));
     }
 }

@@ -1,7 +1,7 @@
 //! What options and keys were called before, which scripts still use.
 
 use crate::recording::{Recording, lightcast, panorama, stderr};
-use lightcast::image::write_exr;
+use lightcast::files::write_exr;
 use std::fs;
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use crate::recording::{Recording, lightcast, panorama, stderr};
 use crate::server::Server;
-use lightcast::image::write_exr;
+use lightcast::files::write_exr;
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

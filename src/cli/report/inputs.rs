@@ -5,19 +5,19 @@ use super::Arguments;
 use super::sequences::Recorded;
 use crate::cli::input::{Input, display_name, is_standard_input};
 use crate::cli::panorama::read_panorama_as;
+use crate::compare::still_methods;
 use crate::error::{Error, Result};
 use crate::image::{PolarMap, PolarShape};
 use crate::report::built_in::{self, BuiltIn};
 #[cfg(feature = "render")]
 use crate::report::picture_tables;
 use crate::report::sequence::Sequence;
-use crate::report::{sequence, stills};
 use crate::rt::Shutdown;
 use std::path::{Path, PathBuf};
 
 /// What every panorama is averaged to: for lights, and for pictures.
 const SHAPES: &[PolarShape] = &[
-    stills::SHAPE,
+    still_methods::SHAPE,
     #[cfg(feature = "render")]
     picture_tables::SHAPE,
 ];
@@ -150,7 +150,7 @@ impl Inputs {
             let known = inputs.maps.iter().find(|map| map.path.as_ref() == Some(path));
             let map = match known {
                 Some(known) => known.for_lights().clone(),
-                None => read_panorama_as(path, &[sequence::SHAPE])?.swap_remove(0),
+                None => read_panorama_as(path, &[still_methods::SHAPE])?.swap_remove(0),
             };
             inputs.sequences.push(Moving::Made(Made { name, path: path.clone(), map, make }));
             if shutdown.is_requested() {
@@ -220,7 +220,7 @@ impl Moving {
         let maps = match self {
             Self::Made(Made { map, make, .. }) => return make(map, &goes_on),
             Self::Recorded(recorded) => recorded.read(limit, shutdown)?,
-            Self::BuiltIn(built_in) => built_in.maps(stills::SHAPE, limit, goes_on)?,
+            Self::BuiltIn(built_in) => built_in.maps(still_methods::SHAPE, limit, goes_on)?,
         };
         if shutdown.is_requested() {
             return Ok(None);
@@ -242,7 +242,7 @@ mod tests {
             shutdown.request();
         });
         assert!(inputs.unwrap().is_none() && read.get() == 1);
-        let map = PolarMap::from_fn(stills::SHAPE, |row, _| [row as f32; 3]);
+        let map = PolarMap::from_fn(still_methods::SHAPE, |row, _| [row as f32; 3]);
         let made = Made { name: "hall", path: PathBuf::from("hall.hdr"), map, make: Sequence::hall };
         for mut moving in [Moving::Made(made), Moving::BuiltIn(built_in::SEQUENCES[0])] {
             assert!(moving.read(&arguments, &shutdown).unwrap().is_none(), "{}", moving.name());

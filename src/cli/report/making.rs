@@ -6,12 +6,14 @@ use super::inputs::{Inputs, Made, Map, Moving};
 use super::pictures::{Drawing, with_pictures};
 use super::{Arguments, print};
 use crate::cli::messages::PROGRESS;
+use crate::compare::sequence_methods::{LIGHTS, SequenceMethod, is_published};
+use crate::compare::stability;
+use crate::compare::still_methods::{METHODS, are_published};
 use crate::error::Result;
 use crate::report::document::{Document, Text};
-use crate::report::sequence;
 use crate::report::table::Table;
 use crate::report::tables::{self, Origin};
-use crate::report::{folder, sequence_table, stability, stills};
+use crate::report::{folder, sequence_table, stills};
 use crate::rt::Shutdown;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
@@ -56,8 +58,8 @@ impl<'a> Report<'a> {
             return Ok(None);
         };
         let counts = self.document.lights.len();
-        let rows = inputs.maps.len() * stills::METHODS.len() * counts
-            + inputs.sequences.len() * sequence::Method::ALL.len() * counts;
+        let rows = inputs.maps.len() * METHODS.len() * counts
+            + inputs.sequences.len() * SequenceMethod::ALL.len() * counts;
         #[cfg(feature = "render")]
         let rows = {
             self.drawing = Drawing::open(self.arguments, &mut self.document, inputs.maps.len())
@@ -150,7 +152,7 @@ impl<'a> Report<'a> {
             return Ok(false);
         }
         if let Moving::Made(Made { name, path, .. }) = moving
-            && sequence_table::is_published(name, &stem(path))
+            && is_published(name, &stem(path))
         {
             let Some(rows) = sequence_table::rows(name, &sequence, &known, &goes_on)? else {
                 return Ok(false);
@@ -166,7 +168,7 @@ impl<'a> Report<'a> {
         self.show(&lines)?;
         let names: Vec<String> = maps.iter().filter_map(|map| map.path.as_deref().map(stem)).collect();
         let lines = stills::mean_lines(rows);
-        if stills::are_published(&names) && lines.len() > 1 {
+        if are_published(&names) && lines.len() > 1 {
             let title = "Single maps beside published figures".to_owned();
             self.show(&lines)?;
             let command = of_maps(self.arguments, maps.iter());
@@ -182,7 +184,7 @@ impl<'a> Report<'a> {
         if let Some(made) = made.filter(|_| !rows.is_empty()) {
             let lines = sequence_table::lines(rows);
             self.show(&lines)?;
-            let title = format!("Sequences beside published figures, {} lights", sequence::LIGHTS);
+            let title = format!("Sequences beside published figures, {} lights", LIGHTS);
             let command = of_sequence(self.arguments, made);
             self.document.texts.push(Text { title, command, lines });
             self.save()?;

@@ -2,13 +2,13 @@
 
 use super::Arguments;
 use super::inputs::Map;
+use crate::compare::still_methods::METHODS;
 use crate::error::Result;
 use crate::gpu::{Backend, Gpu};
 use crate::report::document::Document;
 use crate::report::frame_time::{heading, is_in_software};
 use crate::report::picture_tables::{self, MOST_LIGHTS, SHAPE, SIZE, of_map, options};
 use crate::report::pictures::Pictures;
-use crate::report::stills::METHODS;
 use crate::report::table::Table;
 use crate::report::tables::{self, Origin};
 use crate::scene::Scene;

@@ -1,10 +1,10 @@
 //! Recorded sequences: numbered panoramas, or whatever a configuration describes.
 
 use crate::camera::{FrameToPolar, Projection, Response};
+use crate::compare::still_methods::SHAPE;
 use crate::config::{Config, Links, Pace, Source as ConfiguredSource};
 use crate::error::{Error, Kind, Result};
 use crate::image::{Frame, PolarMap};
-use crate::report::stills::SHAPE;
 use crate::rt::{Shutdown, link};
 use crate::service::{Copies, Output, Service};
 use crate::source::{Next, Sequence, SequenceOptions, Source};

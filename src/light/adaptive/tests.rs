@@ -1,9 +1,9 @@
 use super::Adaptive;
 use crate::image::{PolarMap, PolarShape, Stamp};
 use crate::light::refine::Voronoi;
-use crate::light::seeds::{Seeds, dampened};
+use crate::light::seeds::{Seeds, dampened_luminance};
 use crate::light::test_maps::real_map;
-use crate::light::{Extractor, Inversion, Light, LightList, Options, Sampler};
+use crate::light::{Extractor, Light, LightList, Options, Sampler};
 use crate::math::{angle_between, direction};
 use glam::DVec3;
 
@@ -189,7 +189,7 @@ impl Sequence {
     fn new(count: usize) -> Self {
         Self {
             adaptive: Adaptive::new(SHAPE, count),
-            seeds: Seeds::new(SHAPE, count, 4, Inversion::Bicontinuous),
+            seeds: Seeds::new(SHAPE, count, 4),
             voronoi: Voronoi::new(SHAPE, count),
             lights: Vec::new(),
             number: 0,
@@ -200,7 +200,7 @@ impl Sequence {
     fn run(&mut self, frames: u64, spots: &[Spot]) -> usize {
         for _ in 0..frames {
             let map = sky(SHAPE, self.number, spots);
-            let seed = |map: &PolarMap, sites: &mut Vec<_>| self.seeds.sites(map, dampened, sites);
+            let seed = |map: &PolarMap, sites: &mut Vec<_>| self.seeds.sites(map, dampened_luminance, sites);
             self.adaptive.step(
                 &map,
                 seed,

@@ -1,7 +1,7 @@
 //! The hard cases on the page.
 
+use crate::compare::stability::{Bound, Row};
 use crate::picture::escaped;
-use crate::report::stability::{Bound, Row};
 use std::fmt::Write;
 
 const EXPLANATION: &str = "\

@@ -82,7 +82,7 @@ fn what_is_missing_is_told() {
 
 #[test]
 fn hard_cases_are_rows() {
-    use crate::report::stability::{Bound, Figures, Row};
+    use crate::compare::stability::{Bound, Figures, Row};
     let figures =
         |ours| Figures { plain_f32: Some(f64::NAN), ours, reference: 1.0, bound: Bound::Absolute(0.1) };
     let row =

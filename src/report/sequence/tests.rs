@@ -1,4 +1,5 @@
 use super::*;
+use crate::image::PolarShape;
 use crate::math::direction;
 
 /// A lamp overhead of some power, beside a still one at the side that turns by `turn_rad` a frame.
@@ -69,16 +70,16 @@ fn any_maps_of_one_shape_are_a_sequence_and_black_ones_have_no_error() {
     };
     let moving = sequence(maps(12, 25.0, 1.0));
     assert_eq!((moving.frame_count(), moving.is_filtered()), (12, true));
-    let few = measure(&moving, Method::Persistent, 4).measured;
-    let many = measure(&moving, Method::Persistent, 32);
+    let few = measure(&moving, SequenceMethod::Persistent, 4).measured;
+    let many = measure(&moving, SequenceMethod::Persistent, 32);
     assert!(many.time > Duration::ZERO);
     assert!(many.measured.after.error < few.after.error, "{many:?} {few:?}");
     // Below 19.2 Hz nothing is filtered.
     let slow = sequence(maps(3, 10.0, 1.0));
-    let BeforeAndAfter { before, after, .. } = measure(&slow, Method::Refined, 8).measured;
+    let BeforeAndAfter { before, after, .. } = measure(&slow, SequenceMethod::Refined, 8).measured;
     assert!(!slow.is_filtered() && before == after);
     let black = sequence(maps(12, 25.0, 0.0));
-    let BeforeAndAfter { before, after, .. } = measure(&black, Method::Paper, 8).measured;
+    let BeforeAndAfter { before, after, .. } = measure(&black, SequenceMethod::Paper, 8).measured;
     assert_eq!([before.error, before.flicker, after.error, after.flicker], [0.0; 4]);
     let refused = |maps| Sequence::from_maps(maps, &|| true).err().unwrap().to_string();
     assert_eq!([25.0, 10.0].map(|rate_hz| Sequence::least_frames(rate_hz).unwrap()), [11, 3]);
@@ -101,7 +102,7 @@ fn who_stops_a_measurement_is_heard_at_every_frame() {
     for limit in 0..60 {
         let asked = std::cell::Cell::new(0);
         let goes_on = || asked.replace(asked.get() + 1) < limit;
-        assert!(sequence.measure(Method::Refined, 4, &goes_on).unwrap().is_none());
+        assert!(sequence.measure(SequenceMethod::Refined, 4, &goes_on).unwrap().is_none());
         assert_eq!(asked.get(), limit + 1);
         if limit < 12 {
             asked.set(0);

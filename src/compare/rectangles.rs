@@ -1,8 +1,8 @@
 //! Rectangles of rows and columns of a map, cut in two again and again: what median cut and variance minimisation share.
 
-use super::Light;
-use super::refine::{Share, fill_up};
+use super::spare_lights::fill_up;
 use crate::image::{PolarMap, luminance_f64};
+use crate::light::{Light, Share};
 use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -1,8 +1,9 @@
 use super::{median_cut, regions};
+use crate::compare::rectangles::{Content, Pixels, Rectangle};
+use crate::compare::variance_minimisation;
 use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::light::rectangles::{Content, Pixels, Rectangle};
+use crate::light::Light;
 use crate::light::test_maps::{hard_maps, real_maps};
-use crate::light::{Light, variance_minimisation};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 

@@ -1,8 +1,7 @@
 use super::{grow, kollig_keller, relax};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::light::Light;
-use crate::light::refine::Voronoi;
 use crate::light::test_maps::{hard_maps, real_map};
+use crate::light::{Light, Voronoi};
 use crate::math::fibonacci_sphere;
 
 fn even_sites(count: usize) -> Vec<[f32; 3]> {

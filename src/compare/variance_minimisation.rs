@@ -11,10 +11,9 @@
 //! one along the longer dimension and nearest to the middle is taken; a dark region is cut as if it were evenly lit; for
 //! a number that is no power of two the regions with the largest variance are cut once more.
 
-use super::Light;
 use super::rectangles::{Axis, Content, Pixels, Rectangle, divide};
-use super::refine::Share;
 use crate::image::{PolarMap, luminance_f64};
+use crate::light::{Light, Share};
 
 /// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A map without light gives lights without
 /// power in the middle of even regions; where the map has fewer than `count` pixels the other lights have no power.

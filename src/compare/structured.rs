@@ -14,10 +14,9 @@
 //! direction of its stratum's flux, not at the sample, which the farthest-point rule puts at the stratum's edge as often
 //! as not.
 
-use super::Light;
-use super::components::collect;
-use super::refine::{Share, fill_up};
+use super::spare_lights::fill_up;
 use crate::image::{PolarMap, luminance_f64};
+use crate::light::{Light, Share, collect_component};
 use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -143,7 +142,7 @@ fn components(map: &PolarMap) -> (Vec<Component>, Vec<usize>) {
         }
         let (level, first) = (levels[start], members.len());
         let close = |pixel: usize| levels[pixel] == level && std::mem::replace(&mut is_open[pixel], false);
-        collect(map.shape, start, close, &mut stack, &mut members);
+        collect_component(map.shape, start, close, &mut stack, &mut members);
         let (mut flux, mut solid_angle) = (0.0, 0.0);
         for &index in &members[first..] {
             let of_pixel = map.shape.pixel_solid_angle(index / map.shape.columns);

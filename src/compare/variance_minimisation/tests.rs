@@ -1,6 +1,6 @@
 use super::{halves, regions, variance, variance_minimisation};
+use crate::compare::rectangles::{Axis, Content, Pixels, Rectangle};
 use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::light::rectangles::{Axis, Content, Pixels, Rectangle};
 use crate::light::test_maps::real_maps;
 use glam::DVec3;
 
@@ -88,7 +88,8 @@ fn variance_of_all_regions_is_below_that_of_median_cut() {
         let sum = |regions: Vec<Rectangle>| -> f64 {
             regions.iter().map(|region| variance(&pixels.share(region, Content::Light))).sum()
         };
-        let (ours, other) = (sum(regions(&pixels, 64)), sum(crate::light::median_cut::regions(&pixels, 64)));
+        let (ours, other) =
+            (sum(regions(&pixels, 64)), sum(crate::compare::median_cut::regions(&pixels, 64)));
         println!("{name}: variance {ours:.4}, of median cut {other:.4}");
         assert!(ours < other, "{name}");
     }

@@ -12,9 +12,8 @@
 //! spread away from the old one, the directions turned by the golden angle. A cell of a single lit pixel is not split,
 //! and nodes whose cells are dark are put beside bright ones.
 
-use super::Light;
-use super::refine::Voronoi;
 use crate::image::{PolarMap, PolarShape};
+use crate::light::{Light, Voronoi};
 use glam::DVec3;
 use std::f64::consts::PI;
 

@@ -1,8 +1,9 @@
 use super::{Component, Strata, apportion, components, levels, structured};
+use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::image::{PolarMap, PolarShape};
 use crate::light::measure::Reference;
 use crate::light::test_maps::{hard_maps, real_maps};
-use crate::light::{Extractor, Inversion, LightList, Options, Sampler};
+use crate::light::{self, LightList};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(36, 9);
 
@@ -116,13 +117,9 @@ fn real_maps_have_less_error_than_by_plain_inversion() {
         for (i, count) in [64, 256].into_iter().enumerate() {
             structured(&map, count, &mut lights);
             let errors = reference.errors(&lights);
-            let options = Options {
-                count,
-                sampler: Sampler::EqualPower,
-                inversion: Inversion::Standard,
-                ..Options::default()
-            };
-            Extractor::new(shape, &options).unwrap().step(&map, &mut list);
+            let sampler = Sampler::Live(light::Sampler::EqualPower);
+            let options = Options { count, sampler, inversion: Inversion::Standard };
+            AnyExtractor::new(shape, &options).unwrap().step(&map, &mut list);
             let plain = reference.errors(&list.lights);
             let of_map = [
                 errors.irradiance / plain.irradiance,

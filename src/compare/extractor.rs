@@ -1,0 +1,147 @@
+use super::kollig_keller::kollig_keller;
+use super::median_cut::median_cut;
+use super::seeds::{Inversion, Seeds};
+use super::structured::structured;
+use super::variance_minimisation::variance_minimisation;
+use crate::error::{Error, Result};
+use crate::image::{PolarMap, PolarShape, luminance};
+use crate::light::{self, Extractor, LightList, MapIrradiance, Voronoi, dampened_luminance, equal_power};
+
+/// How a map becomes lights: by the live path, or by a method of others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampler {
+    /// As `lightcast run` does it.
+    Live(light::Sampler),
+    /// Rectangles of even energy (Debevec 2005).
+    MedianCut,
+    /// Rectangles of little variance (Viriyothai and Debevec 2009).
+    VarianceMinimisation,
+    /// Strata of connected pixels of alike radiance (Agarwal et al. 2003).
+    Structured,
+    /// Cells about relaxed sites whose number grows (Kollig and Keller 2003).
+    KolligKeller,
+}
+
+/// What to extract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Number of lights, as [`light::Options::count`].
+    pub count: usize,
+    /// How a map becomes lights.
+    pub sampler: Sampler,
+    /// Which inverse transform places samples, for methods that have any.
+    pub inversion: Inversion,
+}
+
+/// Extracts lights by any method. Methods of others allocate in every frame.
+#[derive(Clone, Debug)]
+pub struct AnyExtractor(Method);
+
+/// What each method keeps from map to map.
+#[derive(Clone, Debug)]
+enum Method {
+    Live(Box<Extractor>),
+    /// A method of others, or a live one with samples by another inversion.
+    Other {
+        other: Other,
+        count: usize,
+        map_irradiance: MapIrradiance,
+    },
+}
+
+#[derive(Clone, Debug)]
+enum Other {
+    EqualPower(Seeds),
+    Refined(Seeds, Voronoi),
+    MedianCut,
+    VarianceMinimisation,
+    Structured,
+    KolligKeller(Seeds, Voronoi),
+}
+
+impl AnyExtractor {
+    /// Prepares points and tables for maps of one shape.
+    ///
+    /// # Errors
+    /// Those of [`Extractor::new`]; `Usage` for another inversion than the bicontinuous one for persistent or adaptive
+    /// lights, which know no other.
+    pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
+        let Options { count, sampler, inversion } = *options;
+        let live = light::Options { count, ..light::Options::default() };
+        live.check()?;
+        let seeds = || Seeds::new(shape, count, live.relaxation_steps, inversion);
+        let voronoi = || Voronoi::new(shape, count);
+        let other = match sampler {
+            Sampler::Live(sampler) => match (sampler, inversion) {
+                (sampler, Inversion::Bicontinuous) => {
+                    let extractor = Extractor::new(shape, &light::Options { sampler, ..live })?;
+                    return Ok(Self(Method::Live(Box::new(extractor))));
+                }
+                (light::Sampler::EqualPower, _) => Other::EqualPower(seeds()),
+                (light::Sampler::Refined, _) => Other::Refined(seeds(), voronoi()),
+                (light::Sampler::Persistent | light::Sampler::Adaptive, _) => {
+                    return Err(Error::usage(
+                        "inversion: persistent and adaptive lights have the bicontinuous one only; leave it out",
+                    ));
+                }
+            },
+            Sampler::MedianCut => Other::MedianCut,
+            Sampler::VarianceMinimisation => Other::VarianceMinimisation,
+            Sampler::Structured => Other::Structured,
+            Sampler::KolligKeller => Other::KolligKeller(seeds(), voronoi()),
+        };
+        Ok(Self(Method::Other { other, count, map_irradiance: MapIrradiance::new(shape) }))
+    }
+
+    /// As [`Extractor::step`].
+    ///
+    /// # Panics
+    /// If the map is not of this extractor's shape.
+    pub fn step(&mut self, map: &PolarMap, list: &mut LightList) {
+        match &mut self.0 {
+            Method::Live(extractor) => extractor.step(map, list),
+            Method::Other { other, count, map_irradiance } => {
+                other.extract(map, *count, list);
+                map_irradiance.reference(map, &mut list.reference_irradiance);
+            }
+        }
+    }
+
+    /// As [`Extractor::extract`].
+    ///
+    /// # Panics
+    /// If the map is not of this extractor's shape.
+    pub fn extract(&mut self, map: &PolarMap, list: &mut LightList) {
+        match &mut self.0 {
+            Method::Live(extractor) => extractor.extract(map, list),
+            Method::Other { other, count, .. } => other.extract(map, *count, list),
+        }
+    }
+}
+
+impl Other {
+    fn extract(&mut self, map: &PolarMap, count: usize, list: &mut LightList) {
+        let lights = &mut list.lights;
+        let mut sites = Vec::with_capacity(count);
+        match self {
+            Self::EqualPower(seeds) => {
+                seeds.sites(map, luminance, &mut sites);
+                equal_power(map, &sites, lights);
+            }
+            Self::Refined(seeds, voronoi) => {
+                seeds.sites(map, dampened_luminance, &mut sites);
+                voronoi.refine(map, &sites, lights);
+            }
+            Self::MedianCut => median_cut(map, count, lights),
+            Self::VarianceMinimisation => variance_minimisation(map, count, lights),
+            Self::Structured => structured(map, count, lights),
+            Self::KolligKeller(seeds, voronoi) => {
+                seeds.sites(map, dampened_luminance, &mut sites);
+                kollig_keller(map, voronoi, &mut sites, lights);
+            }
+        }
+        list.stamp = map.stamp;
+        (list.filter_delay_frames, list.chosen_lights) = (0, None);
+        list.power = list.sum_of_lights();
+    }
+}
