@@ -78,6 +78,16 @@ impl Error {
     }
 }
 
+impl From<lightcast_core::error::Error> for Error {
+    fn from(error: lightcast_core::error::Error) -> Self {
+        let kind = match error.kind() {
+            lightcast_core::error::Kind::BadFrame => Kind::BadFrame,
+            lightcast_core::error::Kind::Usage => Kind::Usage,
+        };
+        Self { kind, message: error.to_string(), source: None }
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)?;

@@ -1,23 +1,21 @@
 #![doc = include_str!("../ARCHITECTURE.md")]
 
-pub mod camera;
+pub mod calibrate;
 pub mod cli;
 pub mod compare;
 pub mod config;
+pub mod design;
 pub mod error;
 pub mod files;
 #[cfg(feature = "render")]
 pub mod gpu;
-pub mod image;
 pub mod light;
-pub mod math;
 pub mod net;
 pub mod picture;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod report;
 pub mod rt;
-pub mod sampling;
 #[cfg(feature = "render")]
 pub mod scene;
 pub mod service;

@@ -2,18 +2,18 @@
 //! program's own, under an allocator that counts.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
-use lightcast::camera::{
-    ExposureMerge, FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel,
-    SensorNoise,
-};
+use lightcast::design::{FilterOptions, RateFilter};
 use lightcast::error::Result;
-use lightcast::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
 use lightcast::light::{Extractor, LightList, Options, Sampler};
 use lightcast::rt::link::bounded;
 use lightcast::rt::stage::{Flow, Nowhere, Stage, Tick, Ticks, run};
 use lightcast::rt::{Clock, Metrics, Shutdown};
 use lightcast::stage::{Calibrate, Filter, Light};
-use lightcast::temporal::{FilterOptions, LightFilter};
+use lightcast_core::camera::{
+    ExposureMerge, FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel,
+    SensorNoise,
+};
+use lightcast_core::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -193,7 +193,7 @@ fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
     };
     let options = Options { count: 300, sampler, error_target, ..Options::default() };
     let extractor = Extractor::new(shape, &options).unwrap();
-    let filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let filter = RateFilter::new(&FilterOptions::default()).unwrap();
 
     let (clock, shutdown) = (Clock::simulated(), Shutdown::new());
     let metrics = ["camera", "calibrate", "light", "filter", "end"].map(Metrics::new);

@@ -7,7 +7,7 @@
 
 use lightcast::error::Kind;
 use lightcast::files::{read, write_exr, write_png16};
-use lightcast::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 use std::fs;
 use std::path::Path;
 

@@ -5,10 +5,10 @@
 
 use lightcast::config::Config;
 use lightcast::error::{Error, Result};
-use lightcast::image::{Frame, LatLongCentres, Pixels};
 use lightcast::rt::Shutdown;
 use lightcast::service::{Copies, Input, Output, RecordOptions, Service};
 use lightcast::source::{BadBuffer, Camera, Captured, FrameFormat, Mark};
+use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::collections::VecDeque;
 use std::fs;
 use std::io::Write;

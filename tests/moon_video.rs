@@ -5,12 +5,11 @@
 
 use flate2::read::GzDecoder;
 use glam::{DMat3, DVec2, DVec3};
-use lightcast::camera::{
-    Calibration, LOOKING_UP, Lens, LensParameters, Mark, Response, ResponseModel, fit_orientation,
-};
+use lightcast::calibrate::{Calibration, Mark, fit_orientation};
 use lightcast::files::write_png16;
-use lightcast::image::{Frame, Pixels};
-use lightcast::math::{angle_between, direction};
+use lightcast_core::camera::{LOOKING_UP, Lens, LensParameters, Response, ResponseModel};
+use lightcast_core::image::{Frame, Pixels};
+use lightcast_core::math::{angle_between, direction};
 use std::fs;
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};

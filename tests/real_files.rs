@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use lightcast::files::{Attributes, read};
-use lightcast::image::{Frame, LatLongCentres, Pixels, luminance};
 use lightcast::source::{Next, Sequence, SequenceOptions, Source};
+use lightcast_core::image::{Frame, LatLongCentres, Pixels, luminance};
 use std::f64::consts::PI;
 use std::fs;
 use std::io::Write as _;

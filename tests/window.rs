@@ -6,7 +6,7 @@
 mod server;
 
 use lightcast::files::write_exr;
-use lightcast::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 use server::{Guard, Server};
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};

@@ -1,7 +1,7 @@
 //! The server: the program in a process of its own, and what that uses.
 
 use lightcast::files::{read, write_exr};
-use lightcast::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};

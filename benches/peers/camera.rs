@@ -3,9 +3,10 @@
 use crate::arrays::{numbers, save};
 use crate::cases::{Result, Work, repeated};
 use crate::distribution::{Distribution, Inversion};
-use lightcast::camera::{Calibration, FrameToPolar, LOOKING_UP, Projection};
-use lightcast::image::{Frame, Pixels, PolarMap, PolarShape, luminance};
-use lightcast::sampling::halton;
+use lightcast::calibrate::Calibration;
+use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
+use lightcast_core::image::{Frame, Pixels, PolarMap, PolarShape, luminance};
+use lightcast_core::sampling::halton;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 

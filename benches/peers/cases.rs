@@ -4,10 +4,10 @@ use crate::arrays::{numbers, save};
 use crate::camera::Camera;
 use crate::distribution::{Distribution, Inversion, Part, sampling};
 use crate::stream::read as read_words;
+use lightcast::design::{FilterOptions, low_pass};
 use lightcast::files::{read, write_exr};
-use lightcast::image::{Frame, Pixels, PolarShape};
-use lightcast::sampling::halton;
-use lightcast::temporal::{FilterOptions, design};
+use lightcast_core::image::{Frame, Pixels, PolarShape};
+use lightcast_core::sampling::halton;
 use serde::Deserialize;
 use std::error::Error;
 use std::hint::black_box;
@@ -93,7 +93,7 @@ pub fn prepare(case: Case) -> Result<(Option<usize>, Work)> {
             repeated(move || Ok(step()))
         }
         Case::Taps { frame_rate_hz, taps } => {
-            let step = move || Ok(design(frame_rate_hz, &FilterOptions::default())?);
+            let step = move || Ok(low_pass(frame_rate_hz, &FilterOptions::default())?);
             save(&taps, step()?.as_slice().iter().map(|tap| tap.to_le_bytes()))?;
             repeated(step)
         }

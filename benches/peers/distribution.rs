@@ -2,8 +2,8 @@
 
 use crate::arrays::{numbers, save};
 use crate::cases::{Result, Work, repeated};
-use lightcast::image::PolarShape;
-use lightcast::sampling::{Bicontinuous, Standard};
+use lightcast_core::image::PolarShape;
+use lightcast_core::sampling::{Bicontinuous, Standard};
 use serde::Deserialize;
 use std::hint::black_box;
 use std::path::Path;

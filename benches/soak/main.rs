@@ -8,13 +8,14 @@
 //! the frames are recorded too; files older than two seconds are removed, so that ten minutes (150 GB) fit anywhere:
 //! how fast a disk is in the long run is not measured.
 
-use lightcast::camera::{Calibration, Response, ResponseModel};
+use lightcast::calibrate::Calibration;
 use lightcast::config::Config;
 use lightcast::error::Result;
-use lightcast::image::{Frame, LatLongCentres, Pixels};
 use lightcast::rt::Shutdown;
 use lightcast::service::{Copies, Input, Output, RecordOptions, Service, Summary};
 use lightcast::source::{Camera, Captured, FrameFormat, Mark};
+use lightcast_core::camera::{Response, ResponseModel};
+use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -1,12 +1,12 @@
 //! What a frame costs against the size of the map and the number of lights: a table with fitted exponents, and a plot.
 
 use super::scene;
-use lightcast::camera::{FrameToPolar, LOOKING_UP, Projection};
-use lightcast::image::{PolarMap, PolarShape};
+use lightcast::design::{FilterOptions, RateFilter};
 use lightcast::light::error::ListError;
 use lightcast::light::{Extractor, LightList, MapIrradiance, Options};
 use lightcast::picture::{Panel, Plot, Series};
-use lightcast::temporal::{FilterOptions, LightFilter};
+use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
+use lightcast_core::image::{PolarMap, PolarShape};
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 
@@ -117,7 +117,7 @@ fn steps(shape: PolarShape, lights: usize, matrix_ms: f64) -> [f64; STEPS.len()]
     let map_ms = median_ms(|_| irradiance.reference(black_box(&map), &mut reference));
     let mut error = ListError::new();
     let error_ms = median_ms(|_| error.measure(black_box(&mut list)));
-    let mut filter = LightFilter::new(&FilterOptions::default()).expect("sound options");
+    let mut filter = RateFilter::new(&FilterOptions::default()).expect("sound options");
     let filter_ms = median_ms(|time| {
         list.stamp = scene::stamp(time as u64);
         filter.step(black_box(&list), &mut filtered).expect("a rate that a filter can be made for");

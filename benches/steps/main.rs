@@ -11,15 +11,15 @@ mod stream;
 mod table;
 
 use criterion::{BatchSize, Criterion};
-use lightcast::camera::{FrameToPolar, LOOKING_UP, Projection};
-use lightcast::image::{Bayer, Frame, PolarMap, PolarShape, luminance};
+use lightcast::design::{FilterOptions, RateFilter};
 use lightcast::light::error::ListError;
 use lightcast::light::{
     Extractor, LightList, MapIrradiance, NearestSites, Options, RegionLists, Regions, cluster,
 };
-use lightcast::sampling::{Bicontinuous, Standard, sample_points};
-use lightcast::temporal::{FilterOptions, LightFilter};
 use lightcast::wire::{Delivery, Message, binary, json};
+use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
+use lightcast_core::image::{Bayer, Frame, PolarMap, PolarShape, luminance};
+use lightcast_core::sampling::{Bicontinuous, Standard, sample_points};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -232,7 +232,7 @@ fn chain() -> impl FnMut(&mut LightList) {
         FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).expect("lens and map are sound");
     let mut extractor =
         Extractor::new(shape, &Options { count: LIGHTS, ..Options::default() }).expect("sound options");
-    let mut filter = LightFilter::new(&FilterOptions::default()).expect("sound options");
+    let mut filter = RateFilter::new(&FilterOptions::default()).expect("sound options");
     let (mut map, mut list) = (PolarMap::black(shape), LightList::default());
     let mut time = 0u64;
     move |filtered| {
@@ -252,7 +252,7 @@ fn whole(criterion: &mut Criterion, table: &mut table::Table) {
         bencher.iter(|| step(black_box(&mut filtered)));
     });
     let (mut filter, mut after) =
-        (LightFilter::new(&FilterOptions::default()).expect("sound options"), LightList::default());
+        (RateFilter::new(&FilterOptions::default()).expect("sound options"), LightList::default());
     let mut lists: Vec<LightList> = (0..16).map(|_| filtered.clone()).collect();
     let mut time = 0u64;
     group.bench_function("filter of 300 lights, its error included", |bencher| {

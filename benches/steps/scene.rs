@@ -1,9 +1,9 @@
 //! What the benchmarks look at: a lens, a response, and surroundings that change a little from frame to frame.
 
 use glam::{DVec2, DVec3};
-use lightcast::camera::{Lens, LensParameters, Response, ResponseModel};
-use lightcast::image::{Frame, Pixels, PolarMap, PolarShape, Stamp};
-use lightcast::math::{angle_between, direction, polar};
+use lightcast_core::camera::{Lens, LensParameters, Response, ResponseModel};
+use lightcast_core::image::{Frame, Pixels, PolarMap, PolarShape, Stamp};
+use lightcast_core::math::{angle_between, direction, polar};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A 180 degree lens whose circle fills the shorter side.

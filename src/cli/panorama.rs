@@ -1,10 +1,10 @@
 use super::input::{display_name, is_standard_input};
 use super::resolution::Resolution;
-use crate::camera::{FrameToPolar, PixelCounts, Projection, Response};
 use crate::error::{Error, Kind, Result};
 use crate::files::{self, Attributes, MAX_PIXELS, lat_long_note};
-use crate::image::{Frame, Pixels, PolarMap, PolarShape};
 use glam::DMat3;
+use lightcast_core::camera::{FrameToPolar, PixelCounts, Projection, Response};
+use lightcast_core::image::{Frame, Pixels, PolarMap, PolarShape};
 use std::io::{self, Read as _};
 use std::path::Path;
 
@@ -47,7 +47,7 @@ pub(super) fn read_panorama_as(path: &Path, shapes: &[PolarShape]) -> Result<Vec
         let mut map = PolarMap::black(shape);
         counts = frame_to_polar
             .apply(&frame, &response, &mut map)
-            .map_err(|error| error.with_kind(Kind::Failed).at(&name))?;
+            .map_err(|error| Error::from(error).with_kind(Kind::Failed).at(&name))?;
         Ok(map)
     };
     let maps = shapes.iter().map(&mut average).collect::<Result<Vec<_>>>()?;

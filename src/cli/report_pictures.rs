@@ -6,11 +6,11 @@ use super::resolution::Resolution;
 use super::standard_output::print;
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
-use crate::image::PolarShape;
 use crate::report::frame_time::heading;
 use crate::report::pictures::{COUNTS, Measured, Pictures, lines, means, options, plot};
 use crate::scene::Scene;
 use indicatif::{ProgressBar, ProgressStyle};
+use lightcast_core::image::PolarShape;
 use std::path::{Path, PathBuf};
 
 /// Print error of pictures against the number of lights, as tables and a plot.

@@ -1,10 +1,10 @@
 use super::messages::PROGRESS;
-use crate::camera::LOOKING_UP;
 use crate::error::{Error, Result};
 use crate::files::{write_exr, write_png16};
-use crate::image::{Frame, Pixels};
 use crate::source::synthetic::{Script, Synthetic};
 use indicatif::{ProgressBar, ProgressStyle};
+use lightcast_core::camera::LOOKING_UP;
+use lightcast_core::image::{Frame, Pixels};
 use std::path::{Path, PathBuf};
 
 /// Make a sequence of frames by calculation, as a script says.

@@ -4,8 +4,8 @@ use super::seeds::{Inversion, Seeds};
 use super::structured::structured;
 use super::variance_minimisation::variance_minimisation;
 use crate::error::{Error, Result};
-use crate::image::{PolarMap, PolarShape, luminance};
 use crate::light::{self, Extractor, LightList, MapIrradiance, Voronoi, dampened_luminance, equal_power};
+use lightcast_core::image::{PolarMap, PolarShape, luminance};
 
 /// How a map becomes lights: by the live path, or by a method of others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +39,10 @@ pub struct AnyExtractor(Method);
 
 /// What each method keeps from map to map.
 #[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a report has one extractor at a time: its size is of no account"
+)]
 enum Method {
     Live(Box<Extractor>),
     /// A method of others, or a live one with samples by another inversion.

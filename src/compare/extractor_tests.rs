@@ -2,12 +2,12 @@
 
 use super::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::Kind;
-use crate::image::{PolarMap, PolarShape, luminance_f64};
 use crate::light::error::ListError;
 use crate::light::extractor_tests::{check_dark, check_hard, check_list};
-use crate::light::test_maps::{hard_maps, real_maps};
 use crate::light::{self, LightList};
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::test_data::{hard_maps, real_maps};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 
@@ -78,7 +78,7 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
         assert!((list.power[1] / expected - 1.0).abs() < 1e-6, "{method:?}: {:?}", list.power);
         let brightest = list.lights.iter().max_by(|a, b| a.luminance().total_cmp(&b.luminance())).unwrap();
         let direction = DVec3::from_array(brightest.direction.map(f64::from));
-        let off = crate::math::angle_between(direction, shape.pixel_direction(row, column));
+        let off = lightcast_core::math::angle_between(direction, shape.pixel_direction(row, column));
         assert!(
             off < most_rad && f64::from(brightest.irradiance[1]) > 0.9999 * sun,
             "{method:?}: {off} {brightest:?}"

@@ -1,8 +1,8 @@
 //! Sites by each of the inverse transforms of METHODS section 5.
 
-use crate::image::{PolarMap, PolarShape};
-use crate::math::direction_at_height;
-use crate::sampling::{Bicontinuous, Standard, sample_points};
+use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::math::direction_at_height;
+use lightcast_core::sampling::{Bicontinuous, Standard, sample_points};
 
 /// Which inverse transform places samples (METHODS section 5).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

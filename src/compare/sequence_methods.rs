@@ -1,10 +1,11 @@
 //! The methods that are compared on sequences, with the published figures: the table of METHODS section 7.
 
 use super::{AnyExtractor, Inversion, Options};
+use crate::design::FilterOptions;
 use crate::error::Result;
-use crate::image::PolarShape;
 use crate::light::Sampler;
-use crate::temporal::{Directions, FilterOptions};
+use crate::temporal::Directions;
+use lightcast_core::image::PolarShape;
 
 /// Lights of a list that the published figures are given for.
 pub const LIGHTS: usize = 128;

@@ -15,9 +15,9 @@
 //! as not.
 
 use super::spare_lights::fill_up;
-use crate::image::{PolarMap, luminance_f64};
 use crate::light::{Light, Share, collect_component};
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, luminance_f64};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;

@@ -3,12 +3,12 @@
 use super::server::ServerKeys;
 use super::source::SourceKeys;
 use super::{CameraOptions, Config, ProjectionKind};
-use crate::camera::{ColourMatrix, Response, ResponseModel};
+use crate::design::FilterOptions;
 use crate::error::{Error, Result, TomlText};
-use crate::image::PolarShape;
 use crate::light;
-use crate::temporal::FilterOptions;
 use glam::{DMat3, DVec3};
+use lightcast_core::camera::{ColourMatrix, Response, ResponseModel};
+use lightcast_core::image::PolarShape;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};

@@ -9,15 +9,15 @@ mod source;
 
 pub use server::ServerConfig;
 
-use crate::camera::{ColourMatrix, Response};
+use crate::design::FilterOptions;
 use crate::error::{Error, Result, TomlText};
-use crate::image::PolarShape;
 use crate::light;
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
 use crate::source::{BracketOptions, v4l2::V4l2Options};
-use crate::temporal::FilterOptions;
 use glam::DMat3;
+use lightcast_core::camera::{ColourMatrix, Response};
+use lightcast_core::image::PolarShape;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -113,7 +113,7 @@ impl Config {
     }
 
     /// Puts file and line in front of an error about an option of `section` that only its algorithm could find.
-    pub fn locate(&self, section: &str, error: Error) -> Error {
-        self.origin.locate(section, error)
+    pub fn locate(&self, section: &str, error: impl Into<Error>) -> Error {
+        self.origin.locate(section, error.into())
     }
 }

@@ -2,13 +2,13 @@
 
 use super::{Links, Pace, Source};
 use crate::error::{Error, Result};
-use crate::image::Bayer;
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
 use crate::source::{
     BracketOptions,
     v4l2::{ControlValue, V4l2Options},
 };
+use lightcast_core::image::Bayer;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 #[cfg(feature = "camera")]

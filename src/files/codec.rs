@@ -2,7 +2,7 @@
 //! around a decoder that may panic.
 
 use crate::error::{Error, Result};
-use crate::image::{Frame, LatLongCentres, Pixels};
+use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Longest side that is read. The largest panoramas sold are 16384 x 8192, the largest fisheye sensors far

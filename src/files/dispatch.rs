@@ -6,7 +6,7 @@
 use super::codec::{Attributes, guarded};
 use super::{jpeg, open_exr, png, radiance};
 use crate::error::{Error, Result};
-use crate::image::Frame;
+use lightcast_core::image::Frame;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
@@ -82,7 +82,7 @@ pub fn lat_long_note(width: usize, height: usize) -> Option<String> {
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::image::Pixels;
+    use lightcast_core::image::Pixels;
     use std::fs;
 
     fn failure(name: &str, content: &[u8]) -> String {

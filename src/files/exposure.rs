@@ -58,7 +58,7 @@ pub fn exposure_settings(path: &Path) -> Result<Option<ExposureSettings>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::test_data::real_folder;
+    use lightcast_core::test_data::real_folder;
 
     #[test]
     fn exposures_are_compared_at_one_sensitivity_and_aperture() {

@@ -2,9 +2,9 @@
 
 use super::codec::{Attributes, check_size, guarded, resize, widen, with_codes};
 use crate::error::{Error, Result};
-use crate::image::Frame;
 use ::image::codecs::jpeg::JpegDecoder;
 use ::image::{ColorType, ImageDecoder};
+use lightcast_core::image::Frame;
 use std::io::{Cursor, Read};
 
 /// Largest file that is read; cameras of 100 megapixels write 60 MB.
@@ -76,8 +76,8 @@ mod tests {
     use super::*;
     use crate::error::Kind;
     use crate::files::read as read_file;
-    use crate::image::Pixels;
     use ::image::{ExtendedColorType, codecs::jpeg::JpegEncoder};
+    use lightcast_core::image::Pixels;
 
     fn encoded(width: u32, height: u32, colour: ExtendedColorType, samples: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::new();

@@ -12,8 +12,6 @@ mod photograph;
 mod png;
 mod radiance;
 mod replace;
-#[cfg(test)]
-pub(crate) mod test_data;
 
 pub use codec::{Attributes, MAX_PIXELS, MAX_SIDE_PX};
 pub use dispatch::{decode, lat_long_note, read};

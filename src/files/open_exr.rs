@@ -19,12 +19,12 @@ pub use write::{encode_exr, encode_map_exr, write_exr, write_recorded_exr};
 
 use super::codec::{Attributes, check_size, guarded, resize, with_codes, with_radiance};
 use crate::error::{Error, Result};
-use crate::image::{Bayer, Frame, LatLongCentres};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::meta::attribute::{ChannelList, Compression, EnvironmentMap, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::{MetaData, f16};
+use lightcast_core::image::{Bayer, Frame, LatLongCentres};
 use std::io::{Cursor, Read, Seek};
 
 /// Bytes of one block (a tile, or up to 256 scan lines) that are decoded at once; the widest scan-line block

@@ -2,7 +2,7 @@
 
 use super::dispatch::read;
 use crate::error::{Error, Result};
-use crate::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 use std::path::Path;
 
 /// A picture of grey values for display, row-major.

@@ -4,9 +4,9 @@
 use super::codec::{Attributes, check_samples, check_size, resize, widen, with_codes};
 use super::replace::replace_file;
 use crate::error::{Error, Result};
-use crate::image::{Frame, Pixels};
 use ::image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
 use ::image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder, Limits};
+use lightcast_core::image::{Frame, Pixels};
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
 

@@ -6,9 +6,9 @@
 
 use super::codec::{Attributes, check_size, resize, with_radiance};
 use crate::error::{Error, Result};
-use crate::image::Frame;
 use ::image::ImageDecoder;
 use ::image::codecs::hdr::HdrDecoder;
+use lightcast_core::image::Frame;
 use std::io::BufRead;
 
 /// Reads the picture behind `source` into `frame`, 3 channels.
@@ -92,7 +92,7 @@ fn positive(word: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Pixels;
+    use lightcast_core::image::Pixels;
 
     /// 2 x 1 pixels: mantissas 128, 64, 32 at exponent 129 (1, 0.5, 0.25), and black.
     const PIXELS: [u8; 8] = [128, 64, 32, 129, 0, 0, 0, 0];

@@ -231,7 +231,7 @@ impl Gpu {
         match Self::open(&Self::instance(Backend::Vulkan), None) {
             Ok(gpu) => Some(gpu),
             Err(error) => {
-                crate::files::test_data::say_skipped(&error.to_string());
+                lightcast_core::test_data::say_skipped(&error.to_string());
                 None
             }
         }

@@ -17,8 +17,8 @@
 use super::Light;
 use super::peaks::{Peak, Peaks, Rest, is_a_step};
 use super::refine::Share;
-use crate::image::{PolarMap, PolarShape};
 use glam::{DVec3, Vec3};
+use lightcast_core::image::{PolarMap, PolarShape};
 
 /// Slots for one that may be moved in a frame, and the most that are.
 const SLOTS_PER_MOVE: usize = 8;

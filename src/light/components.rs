@@ -1,6 +1,6 @@
 //! Connected pixels of a map.
 
-use crate::image::PolarShape;
+use lightcast_core::image::PolarShape;
 use std::f64::consts::PI;
 
 /// Appends to `members` the pixels that hang together with `start` (eight neighbours). The map is closed in azimuth, and

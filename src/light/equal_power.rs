@@ -1,7 +1,7 @@
 use super::Light;
-use crate::image::{PolarMap, luminance_f64};
-use crate::math::polar;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, luminance_f64};
+use lightcast_core::math::polar;
 use std::f64::consts::TAU;
 
 /// Lights of equal luminous power towards `directions`, as in the paper (2005, section 3): their luminous sum is that

@@ -6,8 +6,8 @@
 
 use super::prefix::Prefixes;
 use super::{Light, LightList};
-use crate::math::fibonacci_sphere;
 use glam::Vec3;
+use lightcast_core::math::fibonacci_sphere;
 use multiversion::multiversion;
 
 /// Normals at which irradiances are compared.

@@ -6,7 +6,7 @@ use super::refine::Voronoi;
 use super::seeds::{Seeds, dampened_luminance};
 use super::{Light, LightList, MapIrradiance, Options, Sampler};
 use crate::error::{Error, Result};
-use crate::image::{PolarMap, PolarShape, luminance};
+use lightcast_core::image::{PolarMap, PolarShape, luminance};
 use std::time::Duration;
 
 /// The most lights and pixels that an [`Extractor`] accepts.
@@ -30,6 +30,7 @@ pub struct Extractor {
 
 /// What each sampler keeps from map to map.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a service has one extractor: its size is of no account")]
 enum Method {
     EqualPower {
         seeds: Seeds,

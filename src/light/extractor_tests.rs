@@ -3,12 +3,12 @@
 
 use super::error::ListError;
 use super::occlusion::OcclusionError;
-use super::test_maps::{hard_maps, real_maps};
 use super::{Extractor, Light, LightList, MapIrradiance, Options, Sampler};
 use crate::error::Kind;
-use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::math::fibonacci_sphere;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::math::fibonacci_sphere;
+use lightcast_core::test_data::{hard_maps, real_maps};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 
@@ -108,7 +108,7 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
             let brightest =
                 list.lights.iter().max_by(|a, b| a.luminance().total_cmp(&b.luminance())).unwrap();
             let direction = DVec3::from_array(brightest.direction.map(f64::from));
-            let off = crate::math::angle_between(direction, shape.pixel_direction(row, column));
+            let off = lightcast_core::math::angle_between(direction, shape.pixel_direction(row, column));
             // A peak leaves four mean radiances in the map.
             assert!(
                 off < 1e-3 && f64::from(brightest.irradiance[1]) > 0.9999 * sun,

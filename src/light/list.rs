@@ -2,7 +2,7 @@ mod file;
 
 pub use file::{ListFile, MOST_IRRADIANCE, MOST_POWER};
 
-use crate::image::{Stamp, luminance};
+use lightcast_core::image::{Stamp, luminance};
 use serde::{Deserialize, Serialize};
 
 /// One directional light.

@@ -8,9 +8,9 @@ mod soft;
 pub use soft::soft_ground_cells;
 
 use super::Light;
-use crate::image::PolarMap;
-use crate::math::fibonacci_sphere;
 use glam::DVec3;
+use lightcast_core::image::PolarMap;
+use lightcast_core::math::fibonacci_sphere;
 
 /// Normals over which irradiance and glossy errors are taken.
 const NORMAL_COUNT: usize = 300;
@@ -190,7 +190,7 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
+    use lightcast_core::image::PolarShape;
     use std::f64::consts::PI;
 
     fn overhead() -> Emitters {

@@ -28,8 +28,6 @@ mod seeds;
 pub(crate) mod extractor_tests;
 #[cfg(test)]
 mod sequence_tests;
-#[cfg(test)]
-pub(crate) mod test_maps;
 
 #[cfg(test)]
 pub(crate) use adaptive::REST_S;

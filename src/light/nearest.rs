@@ -5,7 +5,7 @@
 //! of radius rho < pi/2 about c, a site s loses everywhere in it if `c . (t - s) > |t - s| sin rho`, because then
 //! every direction p of the cap has `p . (t - s) > 0`. What is left, a handful of sites, is compared pixel by pixel.
 
-use crate::image::PolarShape;
+use lightcast_core::image::PolarShape;
 use multiversion::multiversion;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
@@ -140,12 +140,12 @@ fn blocks(shape: PolarShape, padded: usize) -> Vec<Block> {
             let columns = first..(first + width).min(padded);
             let end = columns.end.min(shape.columns);
             let phi = TAU * 0.5 * (columns.start + end) as f64 / shape.columns as f64;
-            let centre = crate::math::direction(middle, phi);
+            let centre = lightcast_core::math::direction(middle, phi);
             let mut radius = 0f64;
             for row in rows.clone() {
                 for column in columns.start..end {
-                    radius =
-                        radius.max(crate::math::angle_between(centre, shape.pixel_direction(row, column)));
+                    radius = radius
+                        .max(lightcast_core::math::angle_between(centre, shape.pixel_direction(row, column)));
                 }
             }
             blocks.push(Block {
@@ -256,7 +256,7 @@ fn compare(candidates: &[Candidate], block: &Block, tables: &Tables, nearest: &m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::fibonacci_sphere;
+    use lightcast_core::math::fibonacci_sphere;
 
     /// Every site against every pixel, with the arithmetic of [`compare`].
     fn assign_slowly(tables: &NearestSites, sites: &[[f32; 3]]) -> Vec<u32> {
@@ -282,13 +282,13 @@ mod tests {
     fn site_sets() -> Vec<(&'static str, Vec<[f32; 3]>)> {
         let even = |count| fibonacci_sphere(count).map(|d| d.as_vec3().to_array()).collect::<Vec<_>>();
         let bunch = |size: f64, count| -> Vec<[f32; 3]> {
-            let about = crate::math::direction(0.7, 3.0);
+            let about = lightcast_core::math::direction(0.7, 3.0);
             fibonacci_sphere(count)
                 .map(|d| (about + size * d).as_vec3().normalize_or(glam::Vec3::Y).to_array())
                 .collect()
         };
-        let circle =
-            (0..100).map(|i| crate::math::direction(1.2, 0.0628 * f64::from(i)).as_vec3().to_array());
+        let circle = (0..100)
+            .map(|i| lightcast_core::math::direction(1.2, 0.0628 * f64::from(i)).as_vec3().to_array());
         vec![
             ("even", even(300)),
             ("one", even(1)),

@@ -92,10 +92,10 @@ fn sum(x: &[f32; LANES], y: &[f32; LANES], z: &[f32; LANES], extents: &[Extent])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::{PolarMap, PolarShape};
-    use crate::light::test_maps::real_maps;
     use crate::light::{Extractor, LightList, MapIrradiance, Options, measure};
-    use crate::math::fibonacci_sphere;
+    use lightcast_core::image::{PolarMap, PolarShape};
+    use lightcast_core::math::fibonacci_sphere;
+    use lightcast_core::test_data::real_maps;
 
     const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 
@@ -156,14 +156,14 @@ mod tests {
 
     #[test]
     fn a_disc_and_two_lights_on_it_differ_and_a_light_differs_not_from_itself() {
-        let towards = crate::math::direction(0.6, 2.0);
+        let towards = lightcast_core::math::direction(0.6, 2.0);
         let map = PolarMap::from_fn(SHAPE, |row, column| {
             let is_lamp = SHAPE.pixel_direction(row, column).dot(towards) > 0.1f64.cos();
             [f32::from(u8::from(is_lamp)); 3]
         });
         let flux = map.power()[1] as f32;
         let (disc, edge) = (light(towards, flux, 0.1 / 2f32.sqrt()), light(towards, flux, 0.0));
-        let aside = crate::math::direction(0.75, 2.0);
+        let aside = lightcast_core::math::direction(0.75, 2.0);
         let errors = [disc, edge, light(aside, flux, 0.07)].map(|light| quick(&map, &[light]));
         // Planes cross the lamp's disc and the even extent that stands for it a little differently.
         assert!(errors[0] < 0.02 && errors[1] > 2.0 * errors[0] && errors[2] > 5.0 * errors[0], "{errors:?}");

@@ -8,9 +8,9 @@
 
 use super::components::collect_component;
 use super::refine::Share;
-use crate::image::{PolarMap, PolarShape, luminance, luminance_f64};
-use crate::math::angle_between;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, luminance, luminance_f64};
+use lightcast_core::math::angle_between;
 use multiversion::multiversion;
 use std::borrow::Cow;
 use std::f64::consts::PI;

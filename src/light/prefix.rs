@@ -186,8 +186,8 @@ fn nearest_heads(heads: &[Place], lights: &[Place]) -> [u32; LANES] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{angle_between, direction};
     use glam::DVec3;
+    use lightcast_core::math::{angle_between, direction};
 
     fn light(id: u32, theta: f64, phi: f64, power: f32, spread_rad: f32) -> Light {
         Light {
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn every_light_joins_its_nearest_and_power_is_kept() {
-        let lights: Vec<Light> = crate::math::fibonacci_sphere(500)
+        let lights: Vec<Light> = lightcast_core::math::fibonacci_sphere(500)
             .enumerate()
             .map(|(i, d)| Light {
                 id: i as u32,
@@ -274,8 +274,8 @@ mod tests {
     #[test]
     fn of_equally_near_heads_the_first_is_found_wherever_lights_crowd() {
         // Twice each, so that there are ties; in a bunch, evenly, and all at one height.
-        let even = crate::math::fibonacci_sphere(300);
-        let bunch = crate::math::fibonacci_sphere(300)
+        let even = lightcast_core::math::fibonacci_sphere(300);
+        let bunch = lightcast_core::math::fibonacci_sphere(300)
             .map(|d| (direction(0.7, 3.0) + 0.01 * d).normalize_or(DVec3::Y));
         let circle = (0..300).map(|i| direction(1.2, 0.02 * f64::from(i)));
         let lights: Vec<Light> = even

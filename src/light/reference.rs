@@ -8,8 +8,8 @@
 //! those around a sun or a lamp, are halved until it is small or they are single pixels.
 
 use super::error::{Contribution, NormalSphere};
-use crate::image::{PolarMap, PolarShape, luminance};
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, luminance};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -270,7 +270,8 @@ mod tests {
 
     #[test]
     fn estimate_is_within_a_tenth_of_the_slow_measure_on_every_real_map() {
-        use crate::light::{Extractor, Options, Sampler, test_maps::real_maps};
+        use crate::light::{Extractor, Options, Sampler};
+        use lightcast_core::test_data::real_maps;
         let shape = PolarShape::hemisphere(360, 90);
         let mut worst = 1.0f64;
         for (name, map) in real_maps(shape) {

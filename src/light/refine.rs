@@ -7,8 +7,8 @@
 
 use super::Light;
 use super::nearest::NearestSites;
-use crate::image::{PolarMap, PolarShape, luminance_f64};
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
 
 /// RGB flux and luminous first moment of a share.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

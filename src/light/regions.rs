@@ -11,9 +11,11 @@
 //! (observation 1 of the paper), and so that it may be cut.
 
 use super::{Light, MAX_LIGHTS};
-use crate::image::luminance_f64;
-use crate::math::{angle_between, cube_cell, cube_cell_solid_angle, cube_direction, fibonacci_sphere};
 use glam::DVec3;
+use lightcast_core::image::luminance_f64;
+use lightcast_core::math::{
+    angle_between, cube_cell, cube_cell_solid_angle, cube_direction, fibonacci_sphere,
+};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Regions for normals: of evenly spread lights a list holds 59 in 100, where no number of regions gives less than 50.

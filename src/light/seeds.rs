@@ -1,8 +1,8 @@
 //! Where sites begin: at what the inverse transform makes of well-spread points (METHODS section 5).
 
-use crate::image::{PolarMap, PolarShape, luminance};
-use crate::math::direction_at_height;
-use crate::sampling::{Bicontinuous, sample_points};
+use lightcast_core::image::{PolarMap, PolarShape, luminance};
+use lightcast_core::math::direction_at_height;
+use lightcast_core::sampling::{Bicontinuous, sample_points};
 
 /// Points of the unit square, and the distribution of one map after another.
 #[derive(Clone, Debug)]

@@ -2,11 +2,11 @@
 
 use super::error::NORMAL_COUNT;
 use super::measure::{Emitters, relative_rms};
-use super::test_maps::{real_map, real_maps};
 use super::{Extractor, Light, LightList, Options, Sampler};
-use crate::image::{PolarMap, PolarShape};
-use crate::math::angle_between;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::math::angle_between;
+use lightcast_core::test_data::{real_map, real_maps};
 
 const FOLLOWED: [Sampler; 2] = [Sampler::Persistent, Sampler::Adaptive];
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);

@@ -1,11 +1,11 @@
 use super::metrics::Stages;
 use crate::error::Result;
-use crate::image::PolarMap;
 use crate::light::error::ListError;
 use crate::light::{LightList, Prefixes};
 use crate::rt::{CaptureEpoch, Metrics};
 use crate::wire::{QUEUE_MAX, Subscription, binary};
 use axum::body::Bytes;
+use lightcast_core::image::PolarMap;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -211,12 +211,12 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Stamp;
     use crate::light::Light;
     use crate::wire::{Delivery, Message, json};
+    use lightcast_core::image::Stamp;
 
     fn list(sequence: u64, count: u32) -> LightList {
-        let lights: Vec<Light> = crate::math::fibonacci_sphere(count as usize)
+        let lights: Vec<Light> = lightcast_core::math::fibonacci_sphere(count as usize)
             .zip(0..)
             .map(|(direction, id)| Light {
                 id,

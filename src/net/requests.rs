@@ -7,7 +7,6 @@ use super::server::{Peer, Shared};
 use super::session::Session;
 use crate::error::{Error, Result};
 use crate::files::encode_map_exr;
-use crate::image::PolarMap;
 use crate::picture::encode_map_png;
 use crate::wire::{self, Subscription};
 use axum::body::Bytes;
@@ -21,6 +20,7 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Extension, Router};
+use lightcast_core::image::PolarMap;
 use std::sync::Arc;
 use std::time::Duration;
 

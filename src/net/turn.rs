@@ -78,9 +78,9 @@ impl Turn {
 mod tests {
     use super::super::Board;
     use super::*;
-    use crate::image::Stamp;
     use crate::light::LightList;
     use crate::rt::CaptureEpoch;
+    use lightcast_core::image::Stamp;
 
     const FRAME_NS: i64 = 40_000_000;
 

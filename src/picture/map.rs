@@ -1,10 +1,10 @@
 use super::{Canvas, ToneCurve};
 use crate::error::Result;
 use crate::files::encode_png8;
-use crate::image::PolarMap;
 use crate::light::Light;
-use crate::math::polar;
 use glam::DVec3;
+use lightcast_core::image::PolarMap;
+use lightcast_core::math::polar;
 use std::f64::consts::TAU;
 
 /// Side of the disc and width of the panorama in pixels.
@@ -136,8 +136,8 @@ pub fn draw_map(map: &PolarMap, lights: &[Light]) -> Canvas {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
-    use crate::math::direction;
+    use lightcast_core::image::PolarShape;
+    use lightcast_core::math::direction;
 
     #[test]
     fn a_light_is_drawn_where_its_pixel_is() {

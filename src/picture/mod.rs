@@ -9,8 +9,8 @@ mod scene;
 mod tone;
 
 use crate::error::Result;
-use crate::image::PolarMap;
 use crate::light::LightList;
+use lightcast_core::image::PolarMap;
 use std::path::Path;
 
 pub use canvas::Canvas;

@@ -1,9 +1,9 @@
 use super::{Canvas, ToneCurve};
-use crate::image::PolarMap;
 use crate::light::Light;
 use crate::light::measure::{GROUND_HALF_SIDE, SPHERE_RADIUS};
-use crate::math::zone_solid_angle;
 use glam::{DVec3, Vec3};
+use lightcast_core::image::PolarMap;
+use lightcast_core::math::zone_solid_angle;
 use multiversion::multiversion;
 
 /// Size of one of the two halves in pixels.
@@ -229,7 +229,7 @@ fn patches() -> (Vec<Patch>, Vec<f32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
+    use lightcast_core::image::PolarShape;
 
     #[test]
     fn a_light_for_every_pixel_gives_the_same_picture_as_the_map() {

@@ -1,4 +1,4 @@
-use crate::image::luminance;
+use lightcast_core::image::luminance;
 
 /// Luminance that the log-average of the picture is mapped to: middle grey.
 const KEY: f64 = 0.18;

@@ -1,5 +1,5 @@
-use crate::image::PolarMap;
 use crate::light::Light;
+use lightcast_core::image::PolarMap;
 
 /// Every pixel of a map that has power as a light of its own: what a reference picture is lit by.
 pub fn emitters(map: &PolarMap) -> Vec<Light> {
@@ -22,7 +22,7 @@ pub fn emitters(map: &PolarMap) -> Vec<Light> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
+    use lightcast_core::image::PolarShape;
 
     #[test]
     fn emitters_have_the_power_of_the_map() {

@@ -73,8 +73,8 @@ mod tests {
     use super::twin::{light_basis, light_window};
     use super::*;
     use crate::gpu::layout::{assert_layout, members};
-    use crate::math::fibonacci_sphere;
-    use crate::sampling::halton;
+    use lightcast_core::math::fibonacci_sphere;
+    use lightcast_core::sampling::halton;
 
     #[test]
     fn the_struct_lies_as_the_shader_reads_it() {

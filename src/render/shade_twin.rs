@@ -4,9 +4,9 @@
 use super::light_space::LightSpace;
 use super::light_space::twin::{Window, light_basis, light_window};
 use super::renderer::read_back::Frame;
-use crate::math::cube_cell;
 use exr::prelude::f16;
 use glam::{Mat3, UVec2, Vec2, Vec3};
+use lightcast_core::math::cube_cell;
 use std::f32::consts::PI;
 
 pub(super) struct Surface {

@@ -12,7 +12,7 @@ pub(super) fn sphere(segments: u32, material: usize) -> Mesh {
         for column in 0..=2 * segments {
             let theta = std::f64::consts::PI * f64::from(row) / f64::from(segments);
             let phi = std::f64::consts::PI * f64::from(column) / f64::from(segments);
-            let normal = crate::math::direction(theta, phi).as_vec3().to_array();
+            let normal = lightcast_core::math::direction(theta, phi).as_vec3().to_array();
             vertices.push(Vertex { position: normal, normal, uv: [0.0; 2], colour: [1.0; 4] });
         }
     }
@@ -99,11 +99,11 @@ pub(super) fn furnace(count: u32) -> Vec<Light> {
     let solid_angle = 4.0 * std::f32::consts::PI / count as f32;
     // RMS angle of a disc of this solid angle: its radius over the square root of two.
     let spread_rad = (solid_angle / std::f32::consts::PI / 2.0).sqrt();
-    let mut lights: Vec<Light> = crate::math::fibonacci_sphere(count as usize)
+    let mut lights: Vec<Light> = lightcast_core::math::fibonacci_sphere(count as usize)
         .map(|d| Light { spread_rad, ..light(0, d.as_vec3(), solid_angle) })
         .collect();
     // Neighbours on the spiral come far from each other.
-    let order = |i: u32| crate::sampling::halton(u64::from(i), 2);
+    let order = |i: u32| lightcast_core::sampling::halton(u64::from(i), 2);
     let mut places: Vec<u32> = (0..count).collect();
     places.sort_by(|&a, &b| order(a).total_cmp(&order(b)));
     lights = places.iter().map(|&place| lights[place as usize]).collect();

@@ -91,7 +91,7 @@ impl Tiles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::direction;
+    use lightcast_core::math::direction;
 
     fn lights(powers: &[f32]) -> Vec<Light> {
         let light = |(i, &power): (usize, &f32)| Light {

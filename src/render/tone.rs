@@ -160,7 +160,7 @@ fn adaptation_rate(elapsed_s: f64) -> f32 {
 #[cfg(test)]
 mod twin {
     use super::{BINS, Exposure};
-    use crate::image::luminance;
+    use lightcast_core::image::luminance;
 
     pub(super) fn histogram(radiance: &[[f32; 4]]) -> Vec<u32> {
         let mut bins = vec![0; BINS];

@@ -1,10 +1,10 @@
 //! Inputs for a report when none are named: three maps of different character, and two sequences. They are scripts as
 //! `lightcast synthesize` takes them, so everybody has the same.
 
-use crate::camera::{FrameToPolar, Response};
 use crate::error::{Result, TomlText};
-use crate::image::{Frame, PolarMap, PolarShape};
 use crate::source::synthetic::{Script, Synthetic};
+use lightcast_core::camera::{FrameToPolar, Response};
+use lightcast_core::image::{Frame, PolarMap, PolarShape};
 
 /// A calculated scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ impl BuiltIn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::luminance_f64;
+    use lightcast_core::image::luminance_f64;
 
     const SHAPE: PolarShape = PolarShape::hemisphere(90, 22);
 

@@ -6,8 +6,8 @@ use super::table::{Measure, Row, Table};
 use super::tables::Origin;
 use crate::compare::still_methods::{METHODS, OURS};
 use crate::error::Result;
-use crate::image::{PolarMap, PolarShape};
 use crate::render;
+use lightcast_core::image::{PolarMap, PolarShape};
 
 /// What is measured of pictures.
 pub const OF_PICTURES: [Measure; 2] = [

@@ -5,11 +5,11 @@ use super::picture_error::{mean_flip, relative_rms};
 use super::stills::geometric_mean;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::image::PolarMap;
 use crate::light::{self, Extractor, LightList, Sampler};
 use crate::picture::{Panel, Plot, Series};
 use crate::render::{self, emitters};
 use crate::scene::Scene;
+use lightcast_core::image::PolarMap;
 use std::time::Duration;
 
 /// Numbers of lights.
@@ -227,7 +227,7 @@ pub fn plot(title: &str, measured: &[Measured]) -> Plot {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
+    use lightcast_core::image::PolarShape;
 
     fn measured(map: &str, error: f64) -> Measured {
         let figures =

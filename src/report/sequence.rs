@@ -10,13 +10,13 @@ use super::filtered_truth::filtered;
 use super::sequence_maps::{garden_frame, hall_frame};
 use crate::compare::sequence_methods::SequenceMethod;
 use crate::compare::still_methods::SHAPE;
+use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::{Error, Result};
-use crate::image::{PolarMap, Stamp};
 use crate::light::measure::{Emitters, soft_ground_cells};
 use crate::light::{Light, LightList};
-use crate::math::angle_between;
-use crate::temporal::{FilterOptions, LightFilter, design};
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, Stamp};
+use lightcast_core::math::angle_between;
 use std::time::{Duration, Instant};
 
 /// Frames of a sequence.
@@ -98,9 +98,9 @@ impl Sequence {
     /// The fewest frames that a sequence at this rate needs for all its figures: the filter's order and three more.
     ///
     /// # Errors
-    /// Kind `Usage` for a frame rate without a filter (see [`design`]).
+    /// Kind `Usage` for a frame rate without a filter (see [`low_pass`]).
     pub fn least_frames(frame_rate_hz: f64) -> Result<usize> {
-        Ok(design(frame_rate_hz, &FilterOptions::default())?.order() + 3)
+        Ok(low_pass(frame_rate_hz, &FilterOptions::default())?.order() + 3)
     }
 
     /// Any maps of one shape, in the order of their stamps, whose frame rate decides on the filter; what a stamp
@@ -109,13 +109,13 @@ impl Sequence {
     ///
     /// # Errors
     /// Kind `Usage` for maps of different shapes, for fewer than [`Self::least_frames`], and for a frame rate without a
-    /// filter (see [`design`]).
+    /// filter (see [`low_pass`]).
     pub fn from_maps(maps: Vec<PolarMap>, goes_on: &dyn Fn() -> bool) -> Result<Option<Self>> {
         let frame_rate_hz = maps.first().map_or(0.0, |map| map.stamp.frame_rate_hz);
         if maps.iter().any(|map| map.shape != maps[0].shape || map.pixels.len() != map.shape.len()) {
             return Err(Error::usage("the maps of a sequence are of different shapes; give them one"));
         }
-        let taps = design(frame_rate_hz, &FilterOptions::default())?;
+        let taps = low_pass(frame_rate_hz, &FilterOptions::default())?;
         let (count, least) = (maps.len(), Self::least_frames(frame_rate_hz)?);
         if count < least {
             return Err(Error::usage(format!("has {count} frames that can be used; give at least {least}")));
@@ -158,7 +158,7 @@ impl Sequence {
         goes_on: &dyn Fn() -> bool,
     ) -> Result<Option<Timed>> {
         let mut extractor = method.extractor(self.maps[0].shape, count)?;
-        let mut filter = LightFilter::new(&method.filter())?;
+        let mut filter = RateFilter::new(&method.filter())?;
         let (mut before, mut after, mut times) = (Vec::new(), Vec::new(), Vec::new());
         let (mut list, mut filtered) = (LightList::default(), LightList::default());
         for map in &self.maps {

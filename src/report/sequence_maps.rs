@@ -1,8 +1,8 @@
 //! The two moving scenes of METHODS section 7, frame by frame, from two still panoramas.
 
 use super::sequence::percentile;
-use crate::image::PolarMap;
-use crate::math::zone_solid_angle;
+use lightcast_core::image::PolarMap;
+use lightcast_core::math::zone_solid_angle;
 use std::f64::consts::TAU;
 
 /// The garden in frame t: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column 20 - t.
@@ -43,7 +43,7 @@ fn brightest_column(map: &PolarMap) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
+    use lightcast_core::image::PolarShape;
 
     const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 

@@ -153,9 +153,9 @@ mod tests {
     use super::*;
     use crate::compare::sequence_methods::is_published;
     use crate::compare::still_methods::SHAPE;
-    use crate::image::PolarMap;
-    use crate::light::test_maps::real_map;
     use crate::report::sequence::{Figures, Timed};
+    use lightcast_core::image::PolarMap;
+    use lightcast_core::test_data::real_map;
     use std::time::Duration;
 
     #[test]

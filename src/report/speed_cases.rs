@@ -1,12 +1,12 @@
 //! What the speed of the renderer is measured on: scenes, settings and lists of lights.
 
 use crate::error::Result;
-use crate::image::{PolarMap, PolarShape};
 use crate::light::error::ListError;
 use crate::light::{Extractor, Light, LightList, Options as ExtractorOptions, prefix};
-use crate::math::fibonacci_sphere;
 use crate::render::Options;
 use crate::scene::{Material, Scene, Shading};
+use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::math::fibonacci_sphere;
 
 /// Size of the maps that lists are taken from.
 pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);

@@ -2,10 +2,10 @@
 
 use crate::compare::still_methods::{COUNTS, METHODS, PUBLISHED_MAPS, StillMethod};
 use crate::error::Result;
-use crate::image::{PolarMap, luminance_f64};
 use crate::light::LightList;
 use crate::light::error::ListError;
 use crate::light::measure::{Errors, Reference};
+use lightcast_core::image::{PolarMap, luminance_f64};
 use std::time::{Duration, Instant};
 
 /// Extractions of which the median time is reported: at least so many, ...
@@ -165,7 +165,7 @@ fn verdict(errors: &Errors, published: &Errors) -> String {
 mod tests {
     use super::*;
     use crate::compare::still_methods::{SHAPE, are_published};
-    use crate::light::test_maps::real_maps;
+    use lightcast_core::test_data::real_maps;
 
     #[test]
     fn more_and_better_lights_have_less_error_and_all_keep_the_power() {

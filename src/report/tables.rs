@@ -6,7 +6,7 @@ use super::table::{Measure, Row, Table};
 use crate::compare::sequence_methods::SequenceMethod;
 use crate::compare::still_methods::OURS;
 use crate::error::Result;
-use crate::image::PolarMap;
+use lightcast_core::image::PolarMap;
 
 /// Numbers of lights of a report unless others are asked for.
 pub const COUNTS: [usize; 9] = [4, 8, 16, 32, 64, 128, 256, 512, 1024];
@@ -145,7 +145,7 @@ pub fn of_sequence(
 mod tests {
     use super::*;
     use crate::compare::still_methods::METHODS;
-    use crate::image::PolarShape;
+    use lightcast_core::image::PolarShape;
 
     const SHAPE: PolarShape = PolarShape::hemisphere(36, 9);
 

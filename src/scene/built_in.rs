@@ -85,7 +85,7 @@ fn sphere(segments: usize, material: usize) -> Mesh {
     // Poles have a vertex for every column, as the seam has one for either side, for the texture coordinates' sake.
     let vertices = grid(rows, columns, |v, u| {
         let (theta, phi) = (v * TAU / 2.0, u * TAU);
-        let normal = crate::math::direction(theta, phi).as_vec3();
+        let normal = lightcast_core::math::direction(theta, phi).as_vec3();
         (normal, normal)
     });
     let indices =

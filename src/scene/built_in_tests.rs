@@ -1,7 +1,7 @@
 use super::*;
-use crate::files::test_data::real_folder;
 use crate::scene::mesh::{corners, double_area};
 use glam::{DVec3, Mat4, Vec3};
+use lightcast_core::test_data::real_folder;
 
 /// Every index in range, every normal of length 1, every triangle with an area.
 pub(super) fn assert_sound(scene: &Scene) {
@@ -86,7 +86,7 @@ fn the_sphere_of_normals_has_a_triangle_for_every_direction() {
         bounds.max.abs_diff_eq(Vec3::ONE, 1e-6) && bounds.min.abs_diff_eq(-Vec3::ONE, 1e-6),
         "{bounds:?}"
     );
-    for direction in crate::math::fibonacci_sphere(500) {
+    for direction in lightcast_core::math::fibonacci_sphere(500) {
         let nearest = mesh
             .indices
             .as_chunks()

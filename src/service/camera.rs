@@ -1,9 +1,10 @@
-use crate::camera::{Calibration, FrameToPolar, LOOKING_UP, Projection, Response};
+use crate::calibrate::Calibration;
 use crate::config::{Config, ProjectionKind};
 use crate::error::{Error, Result};
 use crate::files::lat_long_note;
 use crate::source::FrameFormat;
 use glam::DMat3;
+use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection, Response};
 
 /// The calibration that a configuration names, with the response that goes before its own.
 ///

@@ -103,9 +103,9 @@ impl Graph {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Frame;
     use crate::rt::link::{bounded, latest};
     use crate::rt::stage::{Flow, Tick, Ticks};
+    use lightcast_core::image::Frame;
 
     struct Counts(u64);
 

@@ -1,13 +1,10 @@
 //! Where the frames of a service come from, opened.
 
 use super::graph::Graph;
-#[cfg(feature = "camera")]
-use crate::camera::Response;
 use crate::config::{self, Config};
 use crate::error::Result;
 #[cfg(feature = "camera")]
 use crate::error::{Error, Kind};
-use crate::image::Frame;
 use crate::rt::stage::{Stage, Tick, Ticks};
 #[cfg(feature = "camera")]
 use crate::rt::utc_from_monotonic_ns;
@@ -16,6 +13,9 @@ use crate::rt::{CaptureEpoch, Clock, Metrics, Shutdown};
 use crate::source::{Bracket, BracketOptions, v4l2::V4l2Camera};
 use crate::source::{Camera, FrameFormat, Sequence};
 use crate::stage::{self, Patience, Recording, Tee};
+#[cfg(feature = "camera")]
+use lightcast_core::camera::Response;
+use lightcast_core::image::Frame;
 use std::sync::Arc;
 
 /// Name of the stage, and of its thread.

@@ -17,16 +17,16 @@ pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
 
 use crate::config::{self, Config, Links, Pace};
+use crate::design::{RateFilter, low_pass};
 use crate::error::{Error, Result};
-use crate::image::{Frame, PolarMap};
 use crate::light::{Extractor, LightList};
 use crate::net::Board;
 use crate::rt::link::{self, Item};
 use crate::rt::stage::Nowhere;
 use crate::rt::{Metrics, Shutdown};
 use crate::stage;
-use crate::temporal::{LightFilter, design};
 use graph::Graph;
+use lightcast_core::image::{Frame, PolarMap};
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -93,10 +93,10 @@ impl Service {
         let (frame_to_polar, response) = camera::frame_to_polar(config, &format, input.name())?;
         let extractor =
             Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
-        let filter = LightFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
+        let filter = RateFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
         // The filter designs its taps when it sees the first list; what no taps can do is told before.
         let taps =
-            design(format.frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))?;
+            low_pass(format.frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))?;
         let Copies { pictures, recording, lists: list_copies, maps: map_copies, board } = copies;
         let recording = match &recording {
             Some(options) => Some(recorder::recorder(config, options, &input, shutdown)?),
@@ -170,12 +170,12 @@ impl Service {
     /// Those of [`Self::start`].
     pub fn check(config: &Config) -> Result<()> {
         Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
-        LightFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
+        RateFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
         camera::calibration(config)?;
         if matches!(config.source, config::Source::Sequence(_)) {
             let input = Input::open(config)?;
             camera::frame_to_polar(config, input.format(), input.name())?;
-            design(input.format().frame_rate_hz, &config.filter)
+            low_pass(input.format().frame_rate_hz, &config.filter)
                 .map_err(|error| config.locate("filter", error))?;
         }
         Ok(())

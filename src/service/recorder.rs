@@ -3,12 +3,12 @@
 use super::camera;
 use super::graph::Graph;
 use super::input::Input;
-use crate::camera::Response;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::image::Frame;
 use crate::rt::{Metrics, Shutdown, link};
 use crate::stage::{Record, Recorder};
+use lightcast_core::camera::Response;
+use lightcast_core::image::Frame;
 use std::path::PathBuf;
 use std::sync::Arc;
 

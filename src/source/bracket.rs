@@ -2,10 +2,10 @@
 //! frame of radiance, at the camera's rate divided by the number of values.
 
 use super::live::{BadBuffer, Camera, Captured, Mark};
-use crate::camera::{ExposureMerge, Response, SensorNoise};
 use crate::error::{Error, Result};
-use crate::image::Frame;
 use crate::rt::{Counter, Metrics};
+use lightcast_core::camera::{ExposureMerge, Response, SensorNoise};
+use lightcast_core::image::Frame;
 use serde::Deserialize;
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -1,7 +1,7 @@
 //! What a live camera is for the stage that runs it, and the numbers that its frames get.
 
 use crate::error::Result;
-use crate::image::{Frame, Stamp};
+use lightcast_core::image::{Frame, Stamp};
 use std::time::Duration;
 
 /// A device that gives frames at its own pace and may be lost at any time.

@@ -17,7 +17,7 @@ pub use live::{BadBuffer, Camera, Captured, Mark, Numbered, Numbering};
 pub use sequence::{FrameFormat, Sequence, SequenceOptions};
 
 use crate::error::Result;
-use crate::image::Frame;
+use lightcast_core::image::Frame;
 
 /// What a source came back with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,7 +16,7 @@ mod tests;
 use super::{Next, Source, pattern};
 use crate::error::{Error, Result};
 use crate::files::{Attributes, read};
-use crate::image::{Bayer, Frame, LatLongCentres, Pixels};
+use lightcast_core::image::{Bayer, Frame, LatLongCentres, Pixels};
 use std::path::{Path, PathBuf};
 
 /// Which files to play, and how fast they were taken.

@@ -1,8 +1,8 @@
-use crate::camera::{FrameToPolar, PixelCounts, Response};
-use crate::error::Result;
-use crate::image::{Frame, PolarMap};
+use crate::error::{Error, Result};
 use crate::rt::stage::{Flow, Stage};
 use crate::rt::{Counter, Metrics};
+use lightcast_core::camera::{FrameToPolar, PixelCounts, Response};
+use lightcast_core::image::{Frame, PolarMap};
 
 /// Turns a frame into a polar map: response and lens in one pass. Counts the pixels that carry no light or not
 /// all of it.
@@ -27,7 +27,7 @@ impl Stage for Calibrate {
         let counts = self
             .frame_to_polar
             .apply(frame, &self.response, map)
-            .map_err(|error| error.at(format_args!("frame {}", frame.stamp.sequence)))?;
+            .map_err(|error| Error::from(error).at(format_args!("frame {}", frame.stamp.sequence)))?;
         self.counters.add(&counts, frame.stamp.sequence);
         Ok(Flow::Send)
     }

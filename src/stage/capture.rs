@@ -1,8 +1,8 @@
 use crate::error::{Error, Kind, Result};
-use crate::image::Frame;
 use crate::rt::stage::{Flow, Stage, Tick};
 use crate::rt::{Clock, Counter, Metrics, Shutdown};
 use crate::source::{BadBuffer, Camera, Captured, Numbering};
+use lightcast_core::image::Frame;
 use std::time::Duration;
 
 /// How patient the stage is with a camera.

@@ -1,10 +1,10 @@
+use crate::design::RateFilter;
 use crate::error::Result;
 use crate::light::LightList;
 use crate::rt::stage::{Flow, Stage};
-use crate::temporal::LightFilter;
 
 /// Filters the lights over time.
-pub struct Filter(pub LightFilter);
+pub struct Filter(pub RateFilter);
 
 impl Stage for Filter {
     type Input = LightList;

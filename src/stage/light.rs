@@ -1,10 +1,10 @@
 use super::picture::Due;
 use crate::error::Result;
-use crate::image::PolarMap;
 use crate::light::{Extractor, LightList};
 use crate::net::Board;
 use crate::rt::link::{Closed, Sender};
 use crate::rt::stage::{Flow, Stage};
+use lightcast_core::image::PolarMap;
 use std::sync::Arc;
 use std::time::Instant;
 

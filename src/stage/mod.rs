@@ -22,9 +22,9 @@ pub use record::{Record, Recorder, Recording, SIDECAR, Tee, radiance_within_half
 pub use render::{Files, PictureWriter, Render};
 pub use source::Source;
 
-use crate::image::{Frame, PolarMap};
 use crate::light::LightList;
 use crate::rt::link::Item;
+use lightcast_core::image::{Frame, PolarMap};
 
 impl Item for Frame {
     fn lost_before(&self) -> u64 {

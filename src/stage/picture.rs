@@ -1,9 +1,9 @@
 use crate::error::Result;
-use crate::image::PolarMap;
 use crate::light::LightList;
 use crate::picture;
 use crate::rt::link::Receiver;
 use crate::rt::stage::{Flow, Stage};
+use lightcast_core::image::PolarMap;
 use std::path::PathBuf;
 
 /// Draws maps with the published lights that belong to them.

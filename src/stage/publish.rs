@@ -108,7 +108,7 @@ impl ListTap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Stamp;
+    use lightcast_core::image::Stamp;
     use std::io;
 
     fn list(sequence: u64) -> LightList {

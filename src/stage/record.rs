@@ -1,9 +1,9 @@
 use crate::error::{Error, Result};
 use crate::files::{replace_file, write_recorded_exr};
-use crate::image::{Bayer, Frame, Pixels};
 use crate::rt::link::{Closed, Sender};
 use crate::rt::stage::{Flow, Outlet, Stage};
 use crate::rt::{Counter, Metrics};
+use lightcast_core::image::{Bayer, Frame, Pixels};
 use serde::Serialize;
 use std::fs;
 use std::io::Write;

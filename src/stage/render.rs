@@ -1,11 +1,11 @@
 use super::picture::Due;
 use crate::error::Result;
 use crate::files::{write_exr, write_png8};
-use crate::image::{Frame, Pixels};
 use crate::light::LightList;
 use crate::render::Renderer;
 use crate::rt::stage::{Flow, Stage};
 use crate::scene::Camera;
+use lightcast_core::image::{Frame, Pixels};
 use std::path::{Path, PathBuf};
 
 /// Renders lists into numbered picture files.

@@ -1,8 +1,8 @@
 use crate::error::Result;
-use crate::image::Frame;
 use crate::rt::stage::{Flow, Stage, Tick};
 use crate::rt::{CaptureEpoch, Clock};
 use crate::source::{self, Next};
+use lightcast_core::image::Frame;
 
 /// Takes frames from a source and releases each at its capture time, counted from the first frame by the clock:
 /// under a simulated clock that is at once.

@@ -148,11 +148,11 @@ fn settle(values: &mut [f64], stock: &[f64], least: &[f32], steady_frames: f64, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::temporal::{FilterOptions, design};
+    use crate::temporal::test_taps::taps;
 
     /// Runs one signal from a filled history; returns outputs and debts in step.
     fn run(rate: f64, signal: &[f32]) -> (Vec<f64>, Vec<f64>) {
-        let taps = design(rate, &FilterOptions::default()).unwrap();
+        let taps = taps(rate);
         let mut history = History::new(taps.as_slice().len(), 1);
         let mut filter = EnergyFilter::new(taps.as_slice(), std::iter::once(1));
         history.newest_mut()[0] = signal[0];
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn single_flash_gives_its_energy_within_the_filter_length_at_every_rate() {
         for rate in [19.2, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 120.0, 1000.0] {
-            let length = design(rate, &FilterOptions::default()).unwrap().order() + 1;
+            let length = taps(rate).order() + 1;
             let mut signal = vec![0.0; 2 * length + 5];
             signal[3] = 1e6;
             let (out, debt) = run(rate, &signal);
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn output_without_clipping_is_the_plain_convolution() {
-        let taps = design(25.0, &FilterOptions::default()).unwrap();
+        let taps = taps(25.0);
         let mut random = noise(3);
         // Level 1 to 1.5: the negative taps (-0.25 in sum) cannot reach below zero.
         let signal: Vec<f32> = (0..200).map(|_| 1.0 + 0.5 * random()).collect();
@@ -295,7 +295,7 @@ mod tests {
 
     /// Runs lights of one group; returns the outputs of each frame.
     fn run_group(signal: &[[f32; 3]]) -> Vec<[f64; 3]> {
-        let taps = design(25.0, &FilterOptions::default()).unwrap();
+        let taps = taps(25.0);
         let mut history = History::new(9, 3);
         let mut filter = EnergyFilter::new(taps.as_slice(), std::iter::once(3));
         history.newest_mut().copy_from_slice(&signal[0]);
@@ -335,7 +335,7 @@ mod tests {
 
     #[test]
     fn groups_do_not_pay_for_each_other() {
-        let taps = design(25.0, &FilterOptions::default()).unwrap();
+        let taps = taps(25.0);
         let mut history = History::new(9, 2);
         let mut filter = EnergyFilter::new(taps.as_slice(), [1, 1].into_iter());
         for t in 0..30 {

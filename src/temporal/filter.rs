@@ -2,12 +2,11 @@
 
 use super::energy::EnergyFilter;
 use super::history::History;
-use super::{Directions, FilterOptions, Taps, design};
-use crate::error::Result;
-use crate::image::{Stamp, luminance_f64};
+use super::{Directions, Taps};
 use crate::light::LightList;
 use crate::light::error::ListError;
 use glam::DVec3;
+use lightcast_core::image::{Stamp, luminance_f64};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// How much of the variance of a light's direction over the window becomes spread. All of it would be the RMS angle of
@@ -35,19 +34,18 @@ const LEAST_VECTOR: f64 = 0.1;
 ///
 /// The filter starts with a history full of the first list, as if that had always been there, so lists leave from
 /// the first frame on. A list carries the stamp and the ids of the newest input and
-/// [`LightList::filter_delay_frames`]; where nothing is filtered (see [`design`]) it is a copy of the input and
-/// that number is 0.
+/// [`LightList::filter_delay_frames`]; with [`Taps::identity`] it is a copy of the input and that number is 0.
 ///
 /// **Gaps.** Where `lost_before` frames are missing, up to the number of taps, the last list is held for as many.
 /// After a longer gap, when capture times run backwards, and when the frame rate, the number of lights or the
 /// number of reference irradiances changes, the filter starts afresh: history filled with the new list, no debts.
 /// Equal capture times are no reason to start afresh.
 ///
-/// Allocates only when the frame rate or one of these numbers changes.
+/// Allocates only with new taps and when one of these numbers changes.
 #[derive(Clone, Debug)]
 pub struct LightFilter {
-    options: FilterOptions,
     taps: Taps,
+    directions: Directions,
     last: Option<Stamp>,
     light_count: usize,
     /// Rows: R of every light, G, B, reference irradiances; then [`Track`] of every light.
@@ -60,14 +58,10 @@ pub struct LightFilter {
 
 impl LightFilter {
     /// A filter that has seen nothing.
-    ///
-    /// # Errors
-    /// Kind `Usage`, naming the key, for values that [`FilterOptions::check`] refuses.
-    pub fn new(options: &FilterOptions) -> Result<Self> {
-        options.check()?;
-        Ok(Self {
-            options: *options,
-            taps: Taps::identity(),
+    pub fn new(taps: Taps, directions: Directions) -> Self {
+        Self {
+            taps,
+            directions,
             last: None,
             light_count: 0,
             history: History::default(),
@@ -75,15 +69,17 @@ impl LightFilter {
             energy_count: 0,
             sums: Vec::new(),
             error: ListError::new(),
-        })
+        }
+    }
+
+    /// Filters with other taps from the next list on, which is taken as the first.
+    pub fn set_taps(&mut self, taps: Taps) {
+        self.taps = taps;
+        self.last = None;
     }
 
     /// Takes the next list of the sequence and writes the filtered one.
-    ///
-    /// # Errors
-    /// Those of [`design`], when the first list or a new frame rate asks for a filter that cannot be made; the
-    /// next list is then taken as the first.
-    pub fn step(&mut self, list: &LightList, filtered: &mut LightList) -> Result<()> {
+    pub fn step(&mut self, list: &LightList, filtered: &mut LightList) {
         filtered.copy_from(list);
         if self.continues(list) {
             for _ in 0..list.stamp.lost_before {
@@ -92,7 +88,7 @@ impl LightFilter {
             }
             write_row(list, self.history.push());
         } else {
-            self.start(list)?;
+            self.start(list);
         }
         self.last = Some(list.stamp);
         filtered.filter_delay_frames = self.taps.delay_frames();
@@ -102,7 +98,6 @@ impl LightFilter {
             filtered.power = filtered.sum_of_lights();
         }
         self.error.measure(filtered);
-        Ok(())
     }
 
     /// Whether `list` follows the lists seen so far; otherwise the filter starts afresh.
@@ -115,13 +110,11 @@ impl LightFilter {
             && energy_count(list) == self.energy_count
     }
 
-    fn start(&mut self, list: &LightList) -> Result<()> {
-        let last = self.last.take();
-        let same_rate =
-            last.is_some_and(|last| last.frame_rate_hz.to_bits() == list.stamp.frame_rate_hz.to_bits());
-        let same_size = list.lights.len() == self.light_count && energy_count(list) == self.energy_count;
-        if !(same_rate && same_size) {
-            self.taps = design(list.stamp.frame_rate_hz, &self.options)?;
+    fn start(&mut self, list: &LightList) {
+        let is_sized = self.last.take().is_some()
+            && list.lights.len() == self.light_count
+            && energy_count(list) == self.energy_count;
+        if !is_sized {
             self.light_count = list.lights.len();
             self.energy_count = energy_count(list);
             let columns = self.energy_count + TRACK * self.light_count;
@@ -137,7 +130,6 @@ impl LightFilter {
         for _ in 0..self.taps.order() {
             self.history.repeat();
         }
-        Ok(())
     }
 
     fn write_energies(&mut self, filtered: &mut LightList) {
@@ -161,7 +153,7 @@ impl LightFilter {
                 sums.add(tap, track);
             }
         }
-        let by_power = self.options.directions == Directions::ByPower;
+        let by_power = self.directions == Directions::ByPower;
         let centre = tracks(self.taps.order() / 2);
         for (slot, (light, sums)) in filtered.lights.iter_mut().zip(&self.sums).enumerate() {
             let Some(direction) = sums.direction().filter(|_| by_power) else {

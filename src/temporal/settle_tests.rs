@@ -5,12 +5,13 @@
 //! be brighter by what would be seen as a flash than the filtered truth, or than what is steady throughout the window: so
 //! much the filter lets out even where the filtered truth, which rings, is below it.
 
-use super::{FilterOptions, LightFilter, design};
-use crate::image::{PolarMap, PolarShape, Stamp, luminance_f64};
+use super::test_taps::taps;
+use super::{Directions, LightFilter};
 use crate::light::measure::{Emitters, relative_rms, soft_ground_cells};
-use crate::light::test_maps::real_maps;
 use crate::light::{Extractor, Light, LightList, Options, REST_S};
-use crate::math::{angle_between, direction};
+use lightcast_core::image::{PolarMap, PolarShape, Stamp, luminance_f64};
+use lightcast_core::math::{angle_between, direction};
+use lightcast_core::test_data::real_maps;
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 const LIGHTS: usize = 128;
@@ -39,11 +40,10 @@ struct Track {
 
 /// `truths` has what every map gives; maps that are the same may share one.
 fn track(maps: &[&PolarMap], truths: &[&Vec<f64>]) -> Track {
-    let options = FilterOptions::default();
-    let taps = design(25.0, &options).unwrap();
+    let taps = taps(25.0);
     assert_eq!(taps.as_slice().len(), FILTER_LENGTH);
     let mut extractor = Extractor::new(SHAPE, &Options { count: LIGHTS, ..Options::default() }).unwrap();
-    let mut filter = LightFilter::new(&options).unwrap();
+    let mut filter = LightFilter::new(taps.clone(), Directions::ByPower);
     let (mut list, mut filtered) = (LightList::default(), LightList::default());
     let mut track = Track { error: Vec::new(), excess: Vec::new() };
     for (t, map) in maps.iter().enumerate() {
@@ -54,7 +54,7 @@ fn track(maps: &[&PolarMap], truths: &[&Vec<f64>]) -> Track {
             frame_rate_hz: 25.0,
         };
         extractor.step(&PolarMap { stamp, ..(*map).clone() }, &mut list);
-        filter.step(&list, &mut filtered).unwrap();
+        filter.step(&list, &mut filtered);
         let reference: Vec<f64> = (0..truths[t].len())
             .map(|place| {
                 let taps = taps.as_slice().iter().enumerate();
@@ -179,7 +179,7 @@ fn a_peak_that_dissolves_does_not_flash() {
 #[test]
 fn lights_rest_longer_than_the_default_filter_is() {
     for rate_hz in [20.0, 24.0, 25.0, 29.97, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 240.0, 500.0, 1000.0] {
-        let length = design(rate_hz, &FilterOptions::default()).unwrap().as_slice().len();
+        let length = taps(rate_hz).as_slice().len();
         assert!((REST_S * rate_hz).ceil() >= length as f64, "{length} taps at {rate_hz} Hz");
     }
 }

@@ -1,7 +1,7 @@
-use crate::image::PolarMap;
 use crate::light::{Light, LightList};
 use crate::rt::Metrics;
 use crate::rt::link::Receiver;
+use lightcast_core::image::PolarMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -110,8 +110,8 @@ impl Feed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
     use crate::rt::{Shutdown, link};
+    use lightcast_core::image::PolarShape;
 
     #[test]
     fn the_newest_list_is_shown_and_the_skipped_are_counted() {

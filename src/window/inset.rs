@@ -1,7 +1,7 @@
 use crate::gpu::Gpu;
-use crate::image::PolarMap;
 use crate::light::{Light, Prefixes};
 use crate::picture::MapBackground;
+use lightcast_core::image::PolarMap;
 
 const SHADER: &str = include_str!("../../shaders/inset.wgsl");
 
@@ -162,7 +162,7 @@ fn width_px([width, height]: [u32; 2], theta_max_rad: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::PolarShape;
+    use lightcast_core::image::PolarShape;
     use std::f64::consts::{FRAC_PI_2, PI};
 
     #[test]

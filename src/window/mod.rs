@@ -20,12 +20,12 @@ pub use feed::Source;
 
 use crate::error::{Error, Result};
 use crate::gpu::Backend;
-use crate::image::PolarMap;
 use crate::render::budget::BudgetOptions;
 use crate::render::{Options, Renderer};
 use crate::rt::Shutdown;
 use crate::scene::{Camera, Scene};
 use command::Command;
+use lightcast_core::image::PolarMap;
 use std::time::{Duration, Instant};
 use view::View;
 use winit::application::ApplicationHandler;

@@ -6,8 +6,8 @@ mod tests;
 use super::quantity::{Scale, decode_direction, encode_direction};
 use super::{Delivery, Message};
 use crate::error::{Error, Result};
-use crate::image::Stamp;
 use crate::light::{Light, LightList, MAX_LIGHTS, MOST_IRRADIANCE, MOST_POWER};
+use lightcast_core::image::Stamp;
 use std::f64::consts::PI;
 use std::fmt::LowerExp;
 

@@ -40,8 +40,8 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Stamp;
     use crate::light::{Light, LightList};
+    use lightcast_core::image::Stamp;
 
     const DELIVERY: Delivery = Delivery {
         lost: u64::MAX,

@@ -70,8 +70,8 @@ fn folded(a: f64, b: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{angle_between, direction, fibonacci_sphere};
     use glam::DVec3;
+    use lightcast_core::math::{angle_between, direction, fibonacci_sphere};
     use std::f64::consts::{FRAC_PI_2, PI};
 
     /// Degrees between a direction and what is left of it; what is left has length 1.

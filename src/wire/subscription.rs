@@ -1,7 +1,7 @@
 use super::DEMAND_MAX_BYTES;
 use crate::error::{Error, Result};
-use crate::image::Stamp;
 use crate::light::{LightList, MAX_LIGHTS};
+use lightcast_core::image::Stamp;
 use serde::{Deserialize, Serialize};
 
 /// Most lists that wait for a client.

@@ -6,9 +6,9 @@ use crate::live::{LOOPBACK, VIVID};
 use crate::loopback::Loopback;
 use crate::vivid::{self, Output};
 use lightcast::error::Kind;
-use lightcast::image::{Bayer, Frame, Pixels};
 use lightcast::source::v4l2::{ControlKind, ControlValue, V4l2Camera, V4l2Options, devices};
 use lightcast::source::{Camera, Captured, Mark};
+use lightcast_core::image::{Bayer, Frame, Pixels};
 use std::time::Duration;
 
 fn options(device: &str, format: &str, [width, height]: [u32; 2]) -> V4l2Options {

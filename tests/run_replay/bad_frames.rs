@@ -1,6 +1,6 @@
 use crate::recording::{Recording, lists, panorama, stderr};
 use lightcast::files::write_exr;
-use lightcast::image::Pixels;
+use lightcast_core::image::Pixels;
 use std::fs;
 use std::path::Path;
 

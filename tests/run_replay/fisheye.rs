@@ -1,7 +1,8 @@
 use crate::recording::{lightcast, lists, stderr};
-use lightcast::camera::{Calibration, Lens, LensParameters, Response, ResponseModel};
+use lightcast::calibrate::Calibration;
 use lightcast::files::write_png16;
-use lightcast::image::{Frame, Pixels};
+use lightcast_core::camera::{Lens, LensParameters, Response, ResponseModel};
+use lightcast_core::image::{Frame, Pixels};
 use std::fs;
 use std::process::Output;
 use tempfile::TempDir;

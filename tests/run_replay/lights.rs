@@ -1,6 +1,6 @@
 use crate::recording::{lightcast, lists, panorama, stderr};
 use lightcast::files::{self, write_exr};
-use lightcast::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 use std::path::Path;
 use std::process::Output;
 

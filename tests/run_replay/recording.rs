@@ -1,7 +1,7 @@
 //! A short recorded panorama, its configuration, and the program that plays it.
 
 use lightcast::files::write_exr;
-use lightcast::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -1,6 +1,6 @@
 use crate::recording::{Recording, lightcast, panorama, stderr};
 use lightcast::files::{self, write_exr};
-use lightcast::image::{Frame, Pixels};
+use lightcast_core::image::{Frame, Pixels};
 use std::fs;
 use std::io::Write;
 use std::path::Path;

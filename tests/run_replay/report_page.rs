@@ -158,7 +158,7 @@ fn ctrl_c_in_a_sequence_or_the_hard_cases_keeps_what_stands_before() {
 #[cfg(feature = "render")]
 #[test]
 fn ctrl_c_in_pictures_keeps_those_of_the_maps_before() {
-    use lightcast::image::{Frame, Pixels};
+    use lightcast_core::image::{Frame, Pixels};
     let folder = tempfile::tempdir().unwrap();
     // Few pixels with light: the reference has a light for each.
     let path = |number: usize| folder.path().join(format!("{number}.exr"));

@@ -1,9 +1,9 @@
 //! A server in this process, and connections to it.
 
-use lightcast::image::Stamp;
 use lightcast::light::{Light, LightList};
 use lightcast::net::{Board, Server, ServerOptions};
 use lightcast::rt::{CaptureEpoch, Shutdown};
+use lightcast_core::image::Stamp;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;

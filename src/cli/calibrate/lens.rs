@@ -3,13 +3,12 @@ use super::photographs;
 use super::residual_plot::residual_plot;
 use super::write;
 #[cfg(feature = "april-grid")]
-use crate::camera::AprilGrid;
-use crate::camera::{
-    Calibration, CornerSet, LensFit, LensFitOptions, LensParameters, LensStart, Response, calibrate_lens,
-};
+use crate::calibrate::AprilGrid;
+use crate::calibrate::{Calibration, CornerSet, LensFit, LensFitOptions, LensStart, fit_lens};
 use crate::cli::standard_output::print;
 use crate::error::{Error, Result};
 use glam::DVec2;
+use lightcast_core::camera::{LensParameters, Response};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -102,11 +101,14 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     // First: what stands in the way of writing should not cost the fit.
     let response = kept_response(&arguments.output)?;
-    let opencv = arguments.opencv.as_deref().map(|path| Ok((path, OpencvForm::of(path)?))).transpose()?;
+    let opencv = match arguments.opencv.as_deref() {
+        Some(path) => Some((path, OpencvForm::of(path)?)),
+        None => None,
+    };
     let corners = corners(arguments)?;
     let start = start(arguments, &corners);
     let options = LensFitOptions { drop_factor: arguments.drop_factor };
-    let fit = calibrate_lens(&corners.views, &start, &options)?;
+    let fit = fit_lens(&corners.views, &start, &options)?;
     for view in &fit.views {
         if let Some(reason) = &view.dropped {
             tracing::warn!("{} is dropped: {reason}", view.name);

@@ -1,8 +1,9 @@
-use crate::camera::{Calibration, LOOKING_UP, Mark, Orientation, fit_orientation};
+use crate::calibrate::{Calibration, Mark, Orientation, fit_orientation};
 use crate::cli::standard_output::print;
 use crate::error::{Error, Result, TomlText};
-use crate::math::{angle_between, direction};
 use glam::DVec3;
+use lightcast_core::camera::LOOKING_UP;
+use lightcast_core::math::{angle_between, direction};
 use serde::Deserialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

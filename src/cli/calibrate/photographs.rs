@@ -1,4 +1,4 @@
-use crate::camera::{AprilGrid, BoardView, CornerSet};
+use crate::calibrate::{AprilGrid, BoardView, CornerSet};
 use crate::error::{Error, Kind, Result};
 use crate::files::read_grey;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-use crate::camera::LensFit;
+use crate::calibrate::LensFit;
 use crate::picture::{Panel, Plot, Series};
 
 /// Bins of angle from the axis to the widest corner.

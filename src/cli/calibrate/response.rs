@@ -2,19 +2,20 @@ mod bracket;
 mod from_patches;
 
 use super::write;
-use crate::camera::{Calibration, CodeLimits, Family, Response};
+use crate::calibrate::{Calibration, CodeLimits, Family};
 use crate::cli::input::{Input, is_standard_input};
 use crate::cli::signals::SignalWatch;
 use crate::cli::standard_output::print;
 use crate::config::Config;
 use crate::error::{Error, Kind, Result};
 use crate::files;
-use crate::image::Frame;
 use crate::picture::Plot;
 use crate::rt::Shutdown;
 use crate::service::Service;
 use crate::source::{Sequence, SequenceOptions};
 use clap::ValueEnum;
+use lightcast_core::camera::Response;
+use lightcast_core::image::Frame;
 use std::path::{Path, PathBuf};
 
 /// Find how a camera turns light into codes, and merge a bracket of exposures.

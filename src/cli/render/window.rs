@@ -6,12 +6,12 @@ use crate::cli::input::Input;
 use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::signals::SignalWatch;
 use crate::error::Result;
-use crate::image::PolarMap;
 use crate::render::Renderer;
 use crate::render::budget::BudgetOptions;
 use crate::rt::{Metrics, Shutdown};
 use crate::scene::Scene;
 use crate::window::{Display, Settings, Source};
+use lightcast_core::image::PolarMap;
 use std::path::Path;
 
 pub(super) fn run(arguments: &Arguments, input: &Input) -> Result<()> {

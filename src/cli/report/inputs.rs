@@ -7,12 +7,12 @@ use crate::cli::input::{Input, display_name, is_standard_input};
 use crate::cli::panorama::read_panorama_as;
 use crate::compare::still_methods;
 use crate::error::{Error, Result};
-use crate::image::{PolarMap, PolarShape};
 use crate::report::built_in::{self, BuiltIn};
 #[cfg(feature = "render")]
 use crate::report::picture_tables;
 use crate::report::sequence::Sequence;
 use crate::rt::Shutdown;
+use lightcast_core::image::{PolarMap, PolarShape};
 use std::path::{Path, PathBuf};
 
 /// What every panorama is averaged to: for lights, and for pictures.

@@ -1,14 +1,14 @@
 //! Recorded sequences: numbered panoramas, or whatever a configuration describes.
 
-use crate::camera::{FrameToPolar, Projection, Response};
 use crate::compare::still_methods::SHAPE;
 use crate::config::{Config, Links, Pace, Source as ConfiguredSource};
 use crate::error::{Error, Kind, Result};
-use crate::image::{Frame, PolarMap};
 use crate::rt::{Shutdown, link};
 use crate::service::{Copies, Output, Service};
 use crate::source::{Next, Sequence, SequenceOptions, Source};
 use glam::DMat3;
+use lightcast_core::camera::{FrameToPolar, Projection, Response};
+use lightcast_core::image::{Frame, PolarMap};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -157,7 +157,7 @@ fn average(sequence: &mut Sequence, limit: usize, shutdown: &Shutdown) -> Result
 mod tests {
     use super::*;
     use crate::files::write_exr;
-    use crate::image::Pixels;
+    use lightcast_core::image::Pixels;
 
     fn panorama(shift: usize) -> Frame {
         let (width, height) = (32, 16);

@@ -1,8 +1,8 @@
 use super::{grow, kollig_keller, relax};
-use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::light::test_maps::{hard_maps, real_map};
 use crate::light::{Light, Voronoi};
-use crate::math::fibonacci_sphere;
+use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::math::fibonacci_sphere;
+use lightcast_core::test_data::{hard_maps, real_map};
 
 fn even_sites(count: usize) -> Vec<[f32; 3]> {
     fibonacci_sphere(count).map(|direction| direction.as_vec3().to_array()).collect()

@@ -3,12 +3,12 @@
 use super::super::plain_paper;
 use super::maps::reference;
 use super::{Bound, Case, Row, row};
-use crate::camera::{FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response};
 use crate::error::Result;
 use crate::files::{decode_exr, encode_exr};
-use crate::image::{Frame, LatLongCentres, Pixels, PolarMap, PolarShape, luminance_f64};
 use crate::stage::radiance_within_half;
 use glam::{DMat3, DVec2};
+use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response};
+use lightcast_core::image::{Frame, LatLongCentres, Pixels, PolarMap, PolarShape, luminance_f64};
 
 fn frame(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Frame {
     let values = (0..width * height).map(|index| value(index % width, index / width)).collect();

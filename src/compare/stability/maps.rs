@@ -3,11 +3,11 @@
 use super::super::plain_paper;
 use super::{Bound, Case, Row, row};
 use crate::error::Result;
-use crate::image::{PolarMap, PolarShape, luminance_f64};
 use crate::light::{Extractor, Light, LightList, Options};
-use crate::math::{angle_between, direction};
-use crate::sampling::sample_points;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::math::{angle_between, direction};
+use lightcast_core::sampling::sample_points;
 use std::f64::consts::TAU;
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);

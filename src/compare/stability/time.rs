@@ -3,13 +3,13 @@
 use super::super::plain_paper;
 use super::maps::{power, reference};
 use super::{Bound, Case, Row, row};
+use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::Result;
-use crate::image::{PolarMap, PolarShape, Stamp};
 use crate::light::{Extractor, Light, LightList, Options};
-use crate::math::{angle_between, direction};
-use crate::sampling::sample_points;
-use crate::temporal::{FilterOptions, LightFilter, design};
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, Stamp};
+use lightcast_core::math::{angle_between, direction};
+use lightcast_core::sampling::sample_points;
 
 const RATE_HZ: f64 = 25.0;
 const UP: [f32; 3] = [0.0, 1.0, 0.0];
@@ -17,14 +17,14 @@ const DOWN: [f32; 3] = [0.0, -1.0, 0.0];
 
 /// Both filters on one light.
 struct Both {
-    ours: LightFilter,
+    ours: RateFilter,
     plain: Option<plain_paper::Filter>,
     filtered: LightList,
 }
 
 impl Both {
     fn new() -> Result<Self> {
-        let ours = LightFilter::new(&FilterOptions::default())?;
+        let ours = RateFilter::new(&FilterOptions::default())?;
         Ok(Self { ours, plain: None, filtered: LightList::default() })
     }
 
@@ -136,7 +136,7 @@ fn turns() -> Result<[Row; 2]> {
 
 /// Four frames are missing while a lamp becomes brighter: held, they are part of the filter's history.
 fn gap() -> Result<Row> {
-    let taps = design(RATE_HZ, &FilterOptions::default())?;
+    let taps = low_pass(RATE_HZ, &FilterOptions::default())?;
     let inputs = [(1.0f32, 0), (1.0, 0), (1.0, 0), (3.0, 0), (3.0, 4)];
     let (mut both, mut frame, mut last) = (Both::new()?, 0, [0.0; 2]);
     let mut history = vec![1.0f64; taps.as_slice().len()];

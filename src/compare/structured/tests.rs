@@ -1,9 +1,9 @@
 use super::{Component, Strata, apportion, components, levels, structured};
 use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
-use crate::image::{PolarMap, PolarShape};
 use crate::light::measure::Reference;
-use crate::light::test_maps::{hard_maps, real_maps};
 use crate::light::{self, LightList};
+use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::test_data::{hard_maps, real_maps};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(36, 9);
 
@@ -70,7 +70,7 @@ fn samples_lie_at_least_as_far_apart_as_any_pixel_from_its_nearest() {
     for count in [16, 64, 256] {
         let strata = Strata::new(&map, count);
         let place = |pixel: usize| super::direction(&map, pixel);
-        let apart = |a: usize, b: usize| crate::math::angle_between(place(a), place(b));
+        let apart = |a: usize, b: usize| lightcast_core::math::angle_between(place(a), place(b));
         let radius = (0..map.pixels.len())
             .map(|pixel| apart(pixel, strata.sites[strata.nearest[pixel] as usize]))
             .fold(0.0, f64::max);

@@ -1,8 +1,8 @@
 use super::{halves, regions, variance, variance_minimisation};
 use crate::compare::rectangles::{Axis, Content, Pixels, Rectangle};
-use crate::image::{PolarMap, PolarShape, luminance_f64};
-use crate::light::test_maps::real_maps;
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::test_data::real_maps;
 
 /// The paper's sum, with the distance to a direction.
 fn variance_slowly(map: &PolarMap, rectangle: &Rectangle, centroid: DVec3) -> f64 {

@@ -1,9 +1,9 @@
 //! What a recorded file says beside the standard attributes of OpenEXR, as attributes of type string.
 
 use crate::error::{Error, Result};
-use crate::image::{Bayer, Frame, Pixels};
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::{Header, LayerAttributes};
+use lightcast_core::image::{Bayer, Frame, Pixels};
 
 /// `codes`: uint channels hold sensor codes of up to 16 bits, and not radiance.
 const SAMPLES: &str = "lightcastSamples";

@@ -1,12 +1,12 @@
 use crate::error::Result;
 use crate::files::{Attributes, read};
-use crate::image::{Frame, LatLongCentres, Pixels};
 use exr::math::RoundingMode;
 use exr::meta::attribute::EnvironmentMap;
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, ImageAttributes,
     IntegerBounds, Layer, LayerAttributes, Levels, LineOrder, RipMaps, SmallVec, Vec2, WritableImage, f16,
 };
+use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::io::Cursor;
 
 type Channels = AnyChannels<FlatSamples>;

@@ -2,11 +2,11 @@ use super::attribute;
 use crate::error::{Error, Result};
 use crate::files::codec::check_samples;
 use crate::files::replace::replace_file;
-use crate::image::{Frame, Pixels, PolarMap};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes,
     LineOrder, SmallVec, Vec2, WritableImage, f16,
 };
+use lightcast_core::image::{Frame, Pixels, PolarMap};
 use std::io::{Cursor, Seek, Write};
 use std::path::Path;
 
@@ -165,7 +165,7 @@ mod tests {
     use super::*;
     use crate::error::Kind;
     use crate::files::{Attributes, read};
-    use crate::image::{Bayer, Stamp};
+    use lightcast_core::image::{Bayer, Stamp};
 
     fn ramp(width: usize, height: usize, channels: usize) -> Frame {
         let values = (0..width * height * channels).map(|n| n as f32 * 0.25 - 1.0).collect();

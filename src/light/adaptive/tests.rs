@@ -1,11 +1,11 @@
 use super::Adaptive;
-use crate::image::{PolarMap, PolarShape, Stamp};
 use crate::light::refine::Voronoi;
 use crate::light::seeds::{Seeds, dampened_luminance};
-use crate::light::test_maps::real_map;
 use crate::light::{Extractor, Light, LightList, Options, Sampler};
-use crate::math::{angle_between, direction};
 use glam::DVec3;
+use lightcast_core::image::{PolarMap, PolarShape, Stamp};
+use lightcast_core::math::{angle_between, direction};
+use lightcast_core::test_data::real_map;
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 

@@ -1,6 +1,6 @@
 use super::*;
-use crate::math::{angle_between, direction, fibonacci_sphere};
 use glam::DVec3;
+use lightcast_core::math::{angle_between, direction, fibonacci_sphere};
 use std::f64::consts::TAU;
 
 fn light(id: u32, towards: DVec3, power: f32) -> Light {

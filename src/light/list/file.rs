@@ -1,7 +1,7 @@
 use super::{Light, LightList};
 use crate::error::{Error, Result};
-use crate::image::Stamp;
 use crate::light::MAX_LIGHTS;
+use lightcast_core::image::Stamp;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 use std::io::{BufRead, BufReader, Read};

@@ -93,7 +93,7 @@ mod tests {
     fn a_light_without_spread_throws_the_hard_shadow_and_a_narrow_one_nearly_the_same() {
         let light = |spread_rad| Light {
             id: 0,
-            direction: crate::math::direction(0.7, 1.0).as_vec3().to_array(),
+            direction: lightcast_core::math::direction(0.7, 1.0).as_vec3().to_array(),
             irradiance: [3.0; 3],
             spread_rad,
         };
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn many_narrow_lights_of_a_disc_throw_the_shadow_of_the_disc() {
-        let (spread_rad, towards) = (0.05, crate::math::direction(0.6, 2.0));
+        let (spread_rad, towards) = (0.05, lightcast_core::math::direction(0.6, 2.0));
         let (east, north) = towards.any_orthonormal_pair();
         let count = 4000;
         let parts: Vec<Light> = (0..count)

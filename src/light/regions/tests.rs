@@ -1,5 +1,5 @@
 use super::*;
-use crate::math::direction;
+use lightcast_core::math::direction;
 
 fn light(towards: DVec3, power: f32) -> Light {
     Light {

@@ -1,9 +1,9 @@
 //! From what a camera sees to the picture.
 
-use crate::sampling::halton;
 use crate::scene::Camera;
 use glam::dcamera::rh;
 use glam::{DMat4, DVec3};
+use lightcast_core::sampling::halton;
 
 /// Where in the pixel a sample looks, from its middle: points of Halton's sequence, the middle alone for one.
 pub(super) fn pixel_offset(sample: u32, samples: u32) -> [f64; 2] {

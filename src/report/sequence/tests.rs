@@ -1,6 +1,6 @@
 use super::*;
-use crate::image::PolarShape;
-use crate::math::direction;
+use lightcast_core::image::PolarShape;
+use lightcast_core::math::direction;
 
 /// A lamp overhead of some power, beside a still one at the side that turns by `turn_rad` a frame.
 fn list(power: f32, azimuth_rad: f64) -> LightList {

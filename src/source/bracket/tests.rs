@@ -1,7 +1,7 @@
 use super::*;
-use crate::camera::ResponseModel;
-use crate::image::Pixels;
 use crate::source::BadBuffer;
+use lightcast_core::camera::ResponseModel;
+use lightcast_core::image::Pixels;
 
 /// A sensor whose exposure follows what it is told after `latency` frames; scene radiances by pixel, 8-bit linear codes.
 struct Scripted {

@@ -1,7 +1,7 @@
 //! Flat emitters with a soft edge: the sun's disc and lamps.
 
-use crate::math::direction;
 use glam::DVec3;
+use lightcast_core::math::direction;
 
 /// Outline of an emitter in its own plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,7 +118,7 @@ fn edge(distance: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::angle_between;
+    use lightcast_core::math::angle_between;
 
     /// Midpoint sum of `profile` over a plane at the emitter, in its own coordinates.
     fn summed_area(emitter: &Emitter) -> f64 {

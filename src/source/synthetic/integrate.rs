@@ -6,8 +6,8 @@
 //! smaller than a pixel keeps its power wherever it stands.
 
 use super::emitter::Detail;
-use crate::camera::Projection;
 use glam::{DMat3, DVec2, DVec3};
+use lightcast_core::camera::Projection;
 
 /// The finest cut. Past it a lamp seen edge-on would cost more than all the rest of a picture.
 const CELLS_MAX: usize = 256;
@@ -111,9 +111,9 @@ fn cells_needed(view: &View, [column, row]: [usize; 2], least: usize, details: &
 mod tests {
     use super::super::emitter::Emitter;
     use super::*;
-    use crate::camera::{LOOKING_UP, Lens, LensParameters};
-    use crate::image::LatLongCentres;
-    use crate::math::zone_solid_angle;
+    use lightcast_core::camera::{LOOKING_UP, Lens, LensParameters};
+    use lightcast_core::image::LatLongCentres;
+    use lightcast_core::math::zone_solid_angle;
     use std::f64::consts::{FRAC_PI_2, PI};
 
     fn fisheye(side: usize, k: [f64; 4]) -> (View, Lens) {

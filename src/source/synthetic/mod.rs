@@ -22,11 +22,11 @@ mod sky;
 pub use script::{FrameName, Script};
 
 use super::{Next, Source};
-use crate::camera::Projection;
 use crate::error::Result;
-use crate::image::{Frame, Pixels, Stamp, luminance};
 use animation::gain;
 use integrate::PixelIntegral;
+use lightcast_core::camera::Projection;
+use lightcast_core::image::{Frame, Pixels, Stamp, luminance};
 use scene::SceneAt;
 
 /// The source that makes the frames of a script, one after the other, once.

@@ -3,9 +3,9 @@
 use super::animation::Flicker;
 use super::area::AreaMean;
 use super::emitter::Detail;
-use crate::image::{Frame, Pixels, PolarMap, PolarShape};
-use crate::math::polar;
 use glam::DVec3;
+use lightcast_core::image::{Frame, Pixels, PolarMap, PolarShape};
+use lightcast_core::math::polar;
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 
@@ -200,7 +200,7 @@ impl PanoramaAt<'_> {
             let width_rad = TAU / shape.columns as f64;
             let phi_rad = (*column as f64 + 0.5 + self.turn_columns) * width_rad;
             Detail {
-                direction: crate::math::direction(theta_rad, phi_rad),
+                direction: lightcast_core::math::direction(theta_rad, phi_rad),
                 // The hat reaches one pixel from the middle each way.
                 radius_rad: height_rad.hypot(width_rad),
                 cell_rad: height_rad.min(width_rad * theta_rad.sin()) / CELLS_PER_PIXEL,
@@ -274,7 +274,7 @@ fn hot_pixels(map: &PolarMap) -> Vec<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::direction;
+    use lightcast_core::math::direction;
 
     /// 40 x 20 pixels of 1 with a bright one in file column 15 (phi column 5), row 6.
     fn frame() -> Frame {

@@ -261,7 +261,7 @@ fn unit(axis: usize) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::fibonacci_sphere;
+    use lightcast_core::math::fibonacci_sphere;
 
     fn lamp(wall: Wall, centre_m: [f64; 2], size_m: [f64; 2]) -> WallLamp {
         let radiance = [100.0, 90.0, 70.0];

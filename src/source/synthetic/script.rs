@@ -10,11 +10,12 @@ use super::room::Room;
 use super::scene::Scene;
 use super::sensor::Noise;
 use super::sky::Sky;
-use crate::camera::{Calibration, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
+use crate::calibrate::Calibration;
 use crate::error::{Error, Result, TomlText};
 use crate::files::{MAX_PIXELS, MAX_SIDE_PX, read};
-use crate::image::{Frame, LatLongCentres};
 use glam::DMat3;
+use lightcast_core::camera::{LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
+use lightcast_core::image::{Frame, LatLongCentres};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! From radiance to what a sensor delivers: photon noise, response, read noise.
 
 use super::noise::{hash, normal_pair};
-use crate::camera::Response;
+use lightcast_core::camera::Response;
 use serde::Deserialize;
 
 /// Noise that depends on nothing but the seed, the frame and the sample.
@@ -60,7 +60,7 @@ impl FrameNoise {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::ResponseModel;
+    use lightcast_core::camera::ResponseModel;
 
     #[test]
     fn photon_noise_grows_with_the_root_of_radiance_and_read_noise_does_not() {

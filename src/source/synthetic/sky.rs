@@ -4,8 +4,8 @@ use super::animation::{Flicker, Waypoint, along, is_on};
 use super::emitter::{Detail, Emitter};
 use super::noise::fractal_noise;
 use super::scene::check_radiance;
-use crate::math::angle_between;
 use glam::DVec3;
+use lightcast_core::math::angle_between;
 use serde::Deserialize;
 
 /// Radiance of the parts of a sky; colours are linear RGB.
@@ -272,7 +272,7 @@ fn smooth_step(from: f64, to: f64, x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{direction, fibonacci_sphere};
+    use lightcast_core::math::{direction, fibonacci_sphere};
 
     fn cloudy() -> Sky {
         let path = vec![Waypoint { time_s: 0.0, azimuth_deg: 20.0, elevation_deg: 40.0 }];

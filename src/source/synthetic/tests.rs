@@ -1,10 +1,11 @@
 use super::integrate::View;
 use super::*;
-use crate::camera::{Calibration, FrameToPolar, Response};
+use crate::calibrate::Calibration;
 use crate::error::{Error, Kind, TomlText};
 use crate::files::read;
-use crate::files::test_data::real_folder;
-use crate::image::{PolarMap, PolarShape};
+use lightcast_core::camera::{FrameToPolar, Response};
+use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::test_data::real_folder;
 use std::path::{Path, PathBuf};
 
 const SKY: &str = "

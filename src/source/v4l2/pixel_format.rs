@@ -1,7 +1,7 @@
 //! The pixel formats of V4L2 that can be captured, and what their bytes mean.
 //! (Linux media documentation, "Image Formats": luma-only, raw Bayer, packed YUV and compressed formats.)
 
-use crate::image::Bayer;
+use lightcast_core::image::Bayer;
 
 /// How the samples of one row lie in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

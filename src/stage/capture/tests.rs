@@ -1,9 +1,9 @@
 //! The state machine under a scripted camera and a simulated clock: every transition, every counter.
 
 use super::*;
-use crate::image::Stamp;
 use crate::source::Mark;
 use crossbeam_channel::{Sender, bounded};
+use lightcast_core::image::Stamp;
 use std::collections::VecDeque;
 
 /// What the scripted camera does next; times in milliseconds of the simulated clock.

@@ -1,8 +1,8 @@
 use super::*;
 use crate::files::read;
-use crate::image::Stamp;
 use crate::rt::Shutdown;
 use crate::rt::link::bounded;
+use lightcast_core::image::Stamp;
 
 fn frame(sequence: u64) -> Frame {
     let stamp = Stamp {

@@ -1,12 +1,13 @@
 //! What leaves as direction and spread, by power and alike.
 
 use super::*;
-use crate::image::Stamp;
 use crate::light::Light;
-use crate::math::{angle_between, direction};
+use crate::temporal::test_taps::taps;
+use lightcast_core::image::Stamp;
+use lightcast_core::math::{angle_between, direction};
 
 fn filter(directions: Directions, frames: impl Iterator<Item = Light>) -> Vec<Light> {
-    let mut filter = LightFilter::new(&FilterOptions { directions, ..FilterOptions::default() }).unwrap();
+    let mut filter = LightFilter::new(taps(25.0), directions);
     let (mut list, mut filtered) = (LightList::default(), LightList::default());
     frames
         .enumerate()
@@ -18,7 +19,7 @@ fn filter(directions: Directions, frames: impl Iterator<Item = Light>) -> Vec<Li
                 frame_rate_hz: 25.0,
             };
             list.lights = vec![light];
-            filter.step(&list, &mut filtered).unwrap();
+            filter.step(&list, &mut filtered);
             filtered.lights[0]
         })
         .collect()
@@ -77,7 +78,7 @@ fn edge(x: f64) -> f64 {
 
 #[test]
 fn a_third_of_the_motion_as_spread_fits_the_edge_of_the_filtered_shadow() {
-    let taps = design(25.0, &FilterOptions::default()).unwrap();
+    let taps = taps(25.0);
     let centre = taps.order() as f64 / 2.0;
     let offsets = || taps.as_slice().iter().enumerate().map(|(k, tap)| (*tap, k as f64 - centre));
     let variance: f64 = offsets().map(|(tap, offset)| tap * offset * offset).sum();

@@ -1,10 +1,10 @@
 use super::*;
-use crate::error::Kind;
-use crate::image::{PolarMap, PolarShape};
 use crate::light::error::NORMAL_COUNT;
 use crate::light::measure::{Emitters, relative_rms};
 use crate::light::{Extractor, Light, Options};
-use crate::math::{angle_between, direction};
+use crate::temporal::test_taps::taps;
+use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::math::{angle_between, direction};
 
 fn stamp(t: usize, rate: f64) -> Stamp {
     Stamp {
@@ -33,12 +33,17 @@ fn lamp(t: usize, rate: f64, irradiance: f32) -> LightList {
     list(t, rate, vec![light(0, direction(0.4, 1.0), [irradiance, 2.0 * irradiance, 0.5 * irradiance])])
 }
 
-/// Feeds lists and returns what leaves.
+/// Feeds lists, with the taps of their frame rate, and returns what leaves.
 fn run(lists: &[LightList]) -> Vec<LightList> {
-    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
-    let step = |list| {
+    let mut filter = LightFilter::new(Taps::identity(), Directions::ByPower);
+    let mut rate_hz = None;
+    let step = |list: &LightList| {
+        if rate_hz != Some(list.stamp.frame_rate_hz) {
+            rate_hz = Some(list.stamp.frame_rate_hz);
+            filter.set_taps(taps(list.stamp.frame_rate_hz));
+        }
         let mut filtered = LightList::default();
-        filter.step(list, &mut filtered).unwrap();
+        filter.step(list, &mut filtered);
         filtered
     };
     lists.iter().map(step).collect()
@@ -121,7 +126,7 @@ fn energy_of_every_channel_is_kept_over_a_long_random_sequence() {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f32 / (1u64 << 24) as f32
     };
-    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let mut filter = LightFilter::new(taps(25.0), Directions::ByPower);
     let (mut came, mut left) = ([0.0f64; 3], [0.0f64; 3]);
     let mut filtered = LightList::default();
     let mut input = LightList::default();
@@ -134,7 +139,7 @@ fn energy_of_every_channel_is_kept_over_a_long_random_sequence() {
                 if dark { 0.0 } else { 100.0 * random().powi(8) }
             });
         }
-        filter.step(&input, &mut filtered).unwrap();
+        filter.step(&input, &mut filtered);
         let power = input.sum_of_lights();
         for channel in 0..3 {
             came[channel] += power[channel];
@@ -184,7 +189,7 @@ fn directions_turn_smoothly_and_lag_by_the_delay() {
 fn a_hundred_turns_of_a_sun_leave_power_and_lag_as_in_the_first() {
     // A degree a frame past a flickering lamp, so that there are debts to wind up.
     let at = |t: usize| direction(1.0, (t as f64).to_radians());
-    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let mut filter = LightFilter::new(taps(25.0), Directions::ByPower);
     let mut filtered = LightList::default();
     let (mut first, mut highest) = ([0.0f64; 2], [0.0f64; 2]);
     for t in 0..36_000 {
@@ -193,7 +198,7 @@ fn a_hundred_turns_of_a_sun_leave_power_and_lag_as_in_the_first() {
         input.stamp = stamp(t, 25.0);
         input.lights =
             vec![light(0, at(t), [1e5; 3]), light(1, direction(0.2, 3.0), [lamp, 0.5 * lamp, 0.0])];
-        filter.step(&input, &mut filtered).unwrap();
+        filter.step(&input, &mut filtered);
         if t < 8 {
             continue;
         }
@@ -292,7 +297,7 @@ fn slots_of_no_power_stay_dark_and_keep_a_direction() {
 
 #[test]
 fn numbers_that_break_the_contract_never_leave() {
-    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
+    let mut filter = LightFilter::new(taps(25.0), Directions::ByPower);
     let mut filtered = LightList::default();
     for t in 0..30 {
         let mut input = lamp(t, 25.0, 1e30);
@@ -305,7 +310,7 @@ fn numbers_that_break_the_contract_never_leave() {
         if (11..21).contains(&t) {
             input.lights[0].direction = [0.0; 3];
         }
-        filter.step(&input, &mut filtered).unwrap();
+        filter.step(&input, &mut filtered);
         assert_lawful(&filtered);
     }
 }
@@ -328,24 +333,12 @@ fn empty_list_passes() {
 }
 
 #[test]
-fn frame_rate_too_high_for_a_filter_is_an_error_and_the_next_list_a_start() {
-    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
-    let mut filtered = LightList::default();
-    filter.step(&lamp(0, 25.0, 1.0), &mut filtered).unwrap();
-    assert_eq!(filter.step(&lamp(1, 5000.0, 1.0), &mut filtered).unwrap_err().kind(), Kind::Usage);
-    filter.step(&lamp(2, 25.0, 3.0), &mut filtered).unwrap();
-    assert_eq!(filtered.lights[0].irradiance, [3.0, 6.0, 1.5]);
-    let wrong = FilterOptions { stop_hz: 1.0, ..FilterOptions::default() };
-    assert!(LightFilter::new(&wrong).unwrap_err().to_string().contains("stop_hz"));
-}
-
-#[test]
 fn error_of_a_filtered_list_is_the_slow_one_against_the_filtered_truth() {
     let shape = PolarShape::hemisphere(180, 45);
     let options = Options { count: 64, ..Options::default() };
     let mut extractor = Extractor::new(shape, &options).unwrap();
-    let mut filter = LightFilter::new(&FilterOptions::default()).unwrap();
-    let taps = design(25.0, &FilterOptions::default()).unwrap();
+    let mut filter = LightFilter::new(taps(25.0), Directions::ByPower);
+    let taps = taps(25.0);
     let (mut truth, mut filtered) = (Vec::new(), LightList::default());
     for t in 0..30 {
         // A sun that walks on through a cloudy sky, and a lamp that is switched on.
@@ -361,7 +354,7 @@ fn error_of_a_filtered_list_is_the_slow_one_against_the_filtered_truth() {
         map.stamp = stamp(t, 25.0);
         let mut list = LightList::default();
         extractor.step(&map, &mut list);
-        filter.step(&list, &mut filtered).unwrap();
+        filter.step(&list, &mut filtered);
         truth.push(Emitters::from_map(&map).irradiances(300));
         let filtered_truth: Vec<f64> = (0..300)
             .map(|n| (0..9).map(|k| taps.as_slice()[k] * truth[t.saturating_sub(k)][n]).sum())

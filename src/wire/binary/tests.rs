@@ -1,7 +1,7 @@
 use super::*;
 use crate::light::prefix;
-use crate::math::angle_between;
 use glam::DVec3;
+use lightcast_core::math::angle_between;
 
 const GOLDEN: &[u8] = include_bytes!("../../../tests/golden/message.bin");
 const GOLDEN_JSON: &[u8] = include_bytes!("../../../tests/golden/message.json");

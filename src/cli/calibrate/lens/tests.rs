@@ -1,8 +1,9 @@
 use super::*;
-use crate::camera::{BoardView, Corner, Lens, ResponseModel};
+use crate::calibrate::{BoardView, Corner};
 use crate::error::Kind;
 use clap::Parser;
 use glam::{DMat3, DVec3};
+use lightcast_core::camera::{Lens, ResponseModel};
 
 #[derive(Parser)]
 struct Line {
@@ -114,7 +115,7 @@ fn the_report_names_dropped_pictures() {
         circle_diameter_px: 600.0,
         circle_centre_px: DVec2::new(400.0, 300.0),
     };
-    let fit = calibrate_lens(&set.views, &start, &LensFitOptions::default()).unwrap();
+    let fit = fit_lens(&set.views, &start, &LensFitOptions::default()).unwrap();
     let report = report(&fit);
     assert_eq!((&report["pictures_used"], &report["pictures_dropped"]), (&json!(11), &json!(1)));
     assert_eq!(report["pictures"][2]["name"], "picture02.png");

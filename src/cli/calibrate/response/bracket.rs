@@ -1,11 +1,10 @@
 use super::{Arguments, Found, Taken, curve, digits, read};
-use crate::camera::{
-    BracketFit, BracketSamples, ExposureMerge, Response, SensorNoise, fit_bracket, recover_exposures,
-};
+use crate::calibrate::{BracketFit, BracketSamples, fit_bracket, recover_exposures};
 use crate::error::{Error, Result, TomlText};
 use crate::files::{exposure_settings, write_exr};
-use crate::image::Frame;
 use crate::picture::{Panel, Plot, Series};
+use lightcast_core::camera::{ExposureMerge, Response, SensorNoise};
+use lightcast_core::image::Frame;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -92,7 +91,7 @@ fn merge(files: &[PathBuf], times: &[f64], response: &Response, output: &Path) -
     let mut frame = Frame::default();
     for (index, path) in files.iter().enumerate() {
         read(path, &mut frame)?;
-        merge.add(&frame, index).map_err(|error| error.at(path.display()))?;
+        merge.add(&frame, index).map_err(|error| Error::from(error).at(path.display()))?;
     }
     let counts = merge.finish(&mut frame)?;
     write_exr(output, &frame, None, false)?;

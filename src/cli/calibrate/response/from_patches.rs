@@ -1,9 +1,10 @@
 use super::{Arguments, Found, Taken, curve, digits};
-use crate::camera::{
-    Family, Patch, PatchCodes, PatchFit, PatchFitOptions, PatchUse, Rectangle, ResponseModel, fit_patches,
+use crate::calibrate::{
+    Family, Patch, PatchCodes, PatchFit, PatchFitOptions, PatchUse, Rectangle, fit_patches,
 };
 use crate::error::{Error, Result, TomlText};
 use crate::picture::{Panel, Plot, Series};
+use lightcast_core::camera::ResponseModel;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -173,7 +174,7 @@ fn plot(fit: &PatchFit) -> Plot {
         let chosen = fit.patches.iter().filter(|patch| usages.contains(&patch.usage));
         apart(chosen.map(|patch| (patch.luminance_cd_m2, patch.code)).collect())
     };
-    let off = |found: fn(&crate::camera::PatchResult) -> Option<f64>, usage: PatchUse| {
+    let off = |found: fn(&crate::calibrate::PatchResult) -> Option<f64>, usage: PatchUse| {
         let chosen = fit.patches.iter().filter(|patch| patch.usage == usage);
         let points = chosen.filter_map(|patch| {
             let ratio = found(patch)? / patch.luminance_cd_m2;

@@ -1,8 +1,8 @@
 use super::*;
-use crate::camera::ResponseModel;
 use crate::files::{write_png8, write_png16};
-use crate::image::Pixels;
 use clap::Parser;
+use lightcast_core::camera::ResponseModel;
+use lightcast_core::image::Pixels;
 
 #[derive(Parser)]
 struct Line {

@@ -1,0 +1,9 @@
+#![doc = include_str!("../README.md")]
+
+pub mod camera;
+pub mod error;
+pub mod image;
+pub mod math;
+pub mod sampling;
+#[cfg(any(test, feature = "test-data"))]
+pub mod test_data;

@@ -1,0 +1,8 @@
+//! Filters of lists as an operator asks for them: taps for a frame rate, and a filter that keeps to the rate of its
+//! lists.
+
+mod low_pass;
+mod rate_filter;
+
+pub use low_pass::{FilterOptions, low_pass};
+pub use rate_filter::RateFilter;

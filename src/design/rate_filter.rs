@@ -1,0 +1,84 @@
+use super::{FilterOptions, low_pass};
+use crate::error::Result;
+use crate::light::LightList;
+use crate::temporal::{LightFilter, Taps};
+
+/// A [`LightFilter`] whose taps are designed for the frame rate that its lists carry, anew when it changes.
+#[derive(Clone, Debug)]
+pub struct RateFilter {
+    options: FilterOptions,
+    filter: LightFilter,
+    /// The rate of the taps, as bits: NaN, an unknown rate, is the same as itself.
+    rate_bits: Option<u64>,
+}
+
+impl RateFilter {
+    /// A filter that has seen nothing.
+    ///
+    /// # Errors
+    /// Kind `Usage`, naming the key, for values that [`FilterOptions::check`] refuses.
+    pub fn new(options: &FilterOptions) -> Result<Self> {
+        options.check()?;
+        let filter = LightFilter::new(Taps::identity(), options.directions);
+        Ok(Self { options: *options, filter, rate_bits: None })
+    }
+
+    /// Takes the next list of the sequence and writes the filtered one, as [`LightFilter::step`].
+    ///
+    /// # Errors
+    /// Those of [`low_pass`], when the first list or a new frame rate asks for a filter that cannot be made; the
+    /// next list is then taken as the first.
+    pub fn step(&mut self, list: &LightList, filtered: &mut LightList) -> Result<()> {
+        let rate_bits = Some(list.stamp.frame_rate_hz.to_bits());
+        if self.rate_bits != rate_bits {
+            self.rate_bits = None;
+            self.filter.set_taps(low_pass(list.stamp.frame_rate_hz, &self.options)?);
+            self.rate_bits = rate_bits;
+        }
+        self.filter.step(list, filtered);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Kind;
+    use crate::light::Light;
+    use lightcast_core::image::Stamp;
+
+    fn lamp(sequence: u64, frame_rate_hz: f64, irradiance: f32) -> LightList {
+        let mut list = LightList::default();
+        list.stamp = Stamp { sequence, frame_rate_hz, ..Stamp::default() };
+        list.lights =
+            vec![Light { id: 0, direction: [0.0, 1.0, 0.0], irradiance: [irradiance; 3], spread_rad: 0.0 }];
+        list
+    }
+
+    #[test]
+    fn the_delay_is_that_of_the_lists_rate_and_a_new_rate_is_a_start() {
+        let mut filter = RateFilter::new(&FilterOptions::default()).unwrap();
+        let mut filtered = LightList::default();
+        for (sequence, rate, delay) in
+            [(0, 25.0, 4), (1, 25.0, 4), (2, 60.0, 10), (3, f64::NAN, 0), (4, f64::NAN, 0)]
+        {
+            let irradiance = (sequence + 1) as f32;
+            filter.step(&lamp(sequence, rate, irradiance), &mut filtered).unwrap();
+            assert_eq!(filtered.filter_delay_frames, delay, "{rate} Hz");
+            let is_start = filtered.lights[0].irradiance == [irradiance; 3];
+            assert_eq!(is_start, sequence != 1, "list {sequence}");
+        }
+    }
+
+    #[test]
+    fn a_frame_rate_too_high_for_a_filter_is_an_error_and_the_next_list_a_start() {
+        let mut filter = RateFilter::new(&FilterOptions::default()).unwrap();
+        let mut filtered = LightList::default();
+        filter.step(&lamp(0, 25.0, 1.0), &mut filtered).unwrap();
+        assert_eq!(filter.step(&lamp(1, 5000.0, 1.0), &mut filtered).unwrap_err().kind(), Kind::Usage);
+        filter.step(&lamp(2, 25.0, 3.0), &mut filtered).unwrap();
+        assert_eq!(filtered.lights[0].irradiance, [3.0; 3]);
+        let wrong = FilterOptions { stop_hz: 1.0, ..FilterOptions::default() };
+        assert!(RateFilter::new(&wrong).unwrap_err().to_string().contains("stop_hz"));
+    }
+}
