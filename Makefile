@@ -1,3 +1,4 @@
+# make install   what the build needs from the system, then the program `lightcast` where cargo puts programs
 # make demo      replays the bundled sequence; light lists, pictures and rendered frames in demo/
 # make test      formatting, lints, documentation, all tests
 # make test-camera  the camera against real kernel drivers, in an emulated guest; part of make test
@@ -8,20 +9,22 @@
 # make load      a thousand clients at 25 lists per second: age of the lists, processor time, memory
 # make bench     speed of every step, as a table with the published figures beside it
 # make bench-peers  speed and error beside OpenCV, NumPy, SciPy, Mitsuba and OpenEXR (needs Python with venv)
-# make cost      cost against map size and number of lights, as a table and as the plot in replay/pictures
+# make cost      cost against map size and number of lights, as a table and as the plot in docs/pictures
 # make report    error against time on the real maps: a page, plots and JSON in target/report
 # make tables    error of the lights on the real maps, as tables beside the published figures
-# make pictures  error of rendered pictures against the number of lights, as tables and as the plot in replay/pictures
+# make pictures  error of rendered pictures against the number of lights, as tables and as the plot in docs/pictures
 # make speed     speed of the renderer on whatever adapter there is, as tables
+# make stability the hard cases in plain f32, in this program and in f64
 # make path-tracer  compares the renderer with mitsuba (needs Python with venv)
+# make results   writes sections of docs/results.md anew: all that need no network and no hours, or SECTIONS="bench cost"
 #
-# report, tables, pictures and path-tracer need the maps and meshes (see LIGHTCAST_DATA in README.md), speed takes the maps where
+# report, tables, pictures and path-tracer need the maps and meshes (see LIGHTCAST_DATA in docs/contributing.md), speed takes the maps where
 # they are. pictures, speed and path-tracer take minutes without a GPU.
 
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: demo test test-camera test-camera-broken fuzz soak soak-clients load bench bench-peers cost report tables pictures speed path-tracer system-packages test-packages
+.PHONY: install demo test test-camera test-camera-broken fuzz soak soak-clients load bench bench-peers cost report tables stability pictures speed path-tracer results system-packages test-packages
 
 system-packages:
 	@.ci/system-packages
@@ -29,13 +32,22 @@ system-packages:
 test-packages:
 	@.ci/system-packages test
 
+install: system-packages
+	cargo install $(CARGO_FLAGS) --path .
+
+# One sample a pixel and four comparisons a shadow: on two cores without a GPU the frames take seconds in place of minutes.
 demo: system-packages
 	cargo build $(CARGO_FLAGS) --release
 	@mkdir -p demo
+	@rm -f demo/lights.jsonl demo/map_*.png demo/scene_*.png demo/frame_*.png
 	target/release/lightcast run --config config/replay.toml --output demo/lights.jsonl --pictures demo --picture-every 20
-	target/release/lightcast render config/replay.toml --output demo --every 20
-	@echo "The light lists are in demo/lights.jsonl, the pictures beside it:"
-	@ls demo
+	target/release/lightcast render config/replay.toml --output demo --every 20 --samples 1 --soft-samples 4
+	@echo
+	@echo "Look at these, in the folder demo/; a number is that of a list, its \"sequence\":"
+	@echo "  lights.jsonl     the lights, one list a line"
+	@echo "  map_NUMBER.png   the map of the surroundings, with a ring around every light:" $$(cd demo && ls map_*)
+	@echo "  scene_NUMBER.png a sphere under these lights (left) and under every pixel of the map (right)"
+	@echo "  frame_NUMBER.png the built-in scene as the renderer draws it under the same lights"
 
 test: test-packages
 	cargo fmt --check
@@ -79,7 +91,7 @@ bench-peers: system-packages
 	    cargo bench $(CARGO_FLAGS) --quiet --bench peers
 
 cost: system-packages
-	cargo bench $(CARGO_FLAGS) --bench steps -- --cost $(CURDIR)/replay/pictures/cost.svg
+	cargo bench $(CARGO_FLAGS) --bench steps -- --cost $(CURDIR)/docs/pictures/cost.svg
 
 REPORTED = $(DATA)/env/*_1k.hdr \
     --garden $(DATA)/env/chinese_garden_1k.hdr --hall $(DATA)/env/dancing_hall_1k.hdr
@@ -89,6 +101,9 @@ report: system-packages
 
 tables: system-packages
 	cargo run $(CARGO_FLAGS) --release -- report --tables --lights 64,256 $(REPORTED)
+
+stability: system-packages
+	cargo run $(CARGO_FLAGS) --release -- report --stability
 
 PATH_TRACER = target/path_tracer
 
@@ -105,8 +120,13 @@ path-tracer: system-packages
 pictures: system-packages
 	cargo run $(CARGO_FLAGS) --release -- report-pictures $(DATA)/env/studio_small_03_1k.hdr \
 	    $(DATA)/env/noon_grass_1k.hdr $(DATA)/env/dancing_hall_1k.hdr $(DATA)/env/potsdamer_platz_1k.hdr \
-	    --scene $(DATA)/mesh/bunny.glb --scene $(DATA)/mesh/spot.obj --plot replay/pictures/error.svg
+	    --scene $(DATA)/mesh/bunny.glb --scene $(DATA)/mesh/spot.obj --plot docs/pictures/error.svg
 
 speed: system-packages
 	cargo run $(CARGO_FLAGS) --release -- report-speed \
 	    $(wildcard $(DATA)/env/studio_small_03_1k.hdr $(DATA)/env/noon_grass_1k.hdr)
+
+SECTIONS = tables stability bench cost pictures speed load
+
+results:
+	docs/renew $(SECTIONS)

@@ -6,7 +6,7 @@
  *     client.addEventListener("list", ({ detail }) => console.log(detail.sequence, detail.lights.length));
  *     client.connect();
  *
- * The protocol is described in ARCHITECTURE.md. Directions are unit vectors from the scene towards the light, in a
+ * The protocol is described in docs/protocol.md. Directions are unit vectors from the scene towards the light, in a
  * right-handed world with +Y up; irradiances are linear Rec. 709, on a surface that faces the light.
  */
 

@@ -8,8 +8,8 @@
         print(lights.sequence, lights.power, lights.age_s())
 
 `Stream` connects, and connects again when the connection is lost; `decode_binary` and `decode_json` take single
-messages apart. The protocol is described in lightcast's ARCHITECTURE.md. Directions are unit vectors towards the light,
-right-handed, +Y up; the irradiance of a light is that of a surface which faces it, linear Rec. 709.
+messages apart. The protocol is described in lightcast's docs/protocol.md. Directions are unit vectors towards the
+light, right-handed, +Y up; the irradiance of a light is that of a surface which faces it, linear Rec. 709.
 
 Needs Python 3.9 and the package `websockets` from version 15 on.
 """

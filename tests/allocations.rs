@@ -215,7 +215,7 @@ fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
             run(stage, frames_out, maps_in, clock, shutdown, &metrics[1])
         });
         scope.spawn(|| {
-            let stage = Counted::new(Light::new(extractor, Vec::new(), None), of_light);
+            let stage = Counted::new(Light(extractor), of_light);
             run(stage, maps_out, lists_in, clock, shutdown, &metrics[2])
         });
         scope.spawn(|| {

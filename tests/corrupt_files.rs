@@ -1,7 +1,7 @@
 //! Damaged picture files: whatever their bytes, reading them neither panics nor takes absurd memory.
 //!
-//! 2,000 mutations of a small file of each kind, with a fixed seed: a few bytes are replaced, and every fourth
-//! file is cut besides. The files are damaged on the disk because the reader takes paths.
+//! 2,000 mutations of a small file of each kind, with a fixed seed: a few bytes are replaced, and every
+//! fourth file is cut besides. The files are damaged on the disk because the reader takes paths.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -35,8 +35,8 @@ fn radiance(width: usize, height: usize) -> Frame {
     Frame { width, height, channels: 3, pixels: Pixels::Radiance(values), ..Frame::default() }
 }
 
-/// Panics inside libraries are caught. The backtrace of one would map the program's debug information, which then counts as
-/// memory of the reader.
+/// Panics inside libraries are caught. The backtrace of one would map the program's debug information, which
+/// then counts as memory of the reader.
 fn say_panics_without_backtrace() {
     std::panic::set_hook(Box::new(|panic| eprintln!("{panic}")));
 }

@@ -1,8 +1,8 @@
 //! Damaged files of scenes: whatever their bytes, reading them neither panics nor takes absurd memory.
 //!
-//! 600 mutations of a small file of each kind, with a fixed seed, as in `corrupt_files.rs`: a few bytes are replaced,
-//! and every fourth file is cut besides. In text files digits and separators are among what comes in, so that
-//! many mutations are still numbers.
+//! 600 mutations of a small file of each kind, with a fixed seed, as in `corrupt_files.rs`: a few bytes are
+//! replaced, and every fourth file is cut besides. In text files digits and separators are among what comes
+//! in, so that many mutations are still numbers.
 
 #![cfg(feature = "render")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -27,8 +27,8 @@ impl XorShift {
     }
 }
 
-/// Panics inside libraries are caught. The backtrace of one would map the program's debug information, which then counts as
-/// memory of the reader.
+/// Panics inside libraries are caught. The backtrace of one would map the program's debug information, which
+/// then counts as memory of the reader.
 fn say_panics_without_backtrace() {
     std::panic::set_hook(Box::new(|panic| eprintln!("{panic}")));
 }

@@ -6,7 +6,7 @@
 use lightcast::config::Config;
 use lightcast::error::{Error, Result};
 use lightcast::rt::Shutdown;
-use lightcast::service::{Copies, Input, Output, RecordOptions, Service};
+use lightcast::service::{Ends, Input, Output, RecordOptions, Service};
 use lightcast::source::{BadBuffer, Camera, Captured, FrameFormat, Mark};
 use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::collections::VecDeque;
@@ -139,10 +139,9 @@ fn run(
     shutdown: &Shutdown,
 ) -> (String, String, Result<()>) {
     let lines = Lines::default();
-    let output = Output { writer: Box::new(lines.clone()), name: "memory".to_owned() };
-    let copies = Copies { recording, ..Copies::default() };
+    let ends = Ends { recording, output: Some(Output::new("memory", lines.clone())), ..Ends::default() };
     let input = input.unwrap_or_else(|| Input::open(config).unwrap());
-    let service = Service::start_with(config, input, || Ok(output), copies, shutdown).unwrap();
+    let service = Service::start_with(config, input, ends, shutdown).unwrap();
     let summary = service.summary();
     let outcome = service.join(Duration::from_millis(1), || ());
     let text = String::from_utf8(lines.0.lock().unwrap().clone()).unwrap();
@@ -190,13 +189,14 @@ fn a_recording_that_fails_ends_alone_and_is_told_in_the_end() {
     let blocked = options.folder.join("frame.000002.exr");
     let input = input(&events, &shutdown);
     let lines = Lines::default();
-    let output = Output { writer: Box::new(lines.clone()), name: "memory".to_owned() };
-    let copies = Copies { recording: Some(options.clone()), ..Copies::default() };
-    let block = || {
-        fs::create_dir(&blocked).unwrap();
-        Ok(output)
+    let (writer, folder_in_the_way) = (lines.clone(), blocked.clone());
+    let open = move || -> Result<Box<dyn Write + Send>> {
+        fs::create_dir(&folder_in_the_way).unwrap();
+        Ok(Box::new(writer))
     };
-    let service = Service::start_with(&config, input, block, copies, &shutdown).unwrap();
+    let output = Output { name: "memory".to_owned(), open: Box::new(open) };
+    let ends = Ends { recording: Some(options.clone()), output: Some(output), ..Ends::default() };
+    let service = Service::start_with(&config, input, ends, &shutdown).unwrap();
     let error = service.join(Duration::from_millis(1), || ()).unwrap_err();
     assert!(error.to_string().contains("frame.000002.exr: cannot be written"), "{error}");
     assert_eq!(String::from_utf8(lines.0.lock().unwrap().clone()).unwrap().lines().count(), 30);

@@ -1,5 +1,5 @@
-//! The Moon in a real all-sky video (THEMIS imager at Gillam, 10 March 2014) through the whole program, against its
-//! ephemeris. `SOURCES.md` beside the recording says where both are from.
+//! The Moon in a real all-sky video (THEMIS imager at Gillam, 10 March 2014) through the whole program,
+//! against its ephemeris. `SOURCES.md` beside the recording says where both are from.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -67,9 +67,9 @@ fn moon_directions(folder: &Path) -> Vec<DVec3> {
     text.lines().skip(1).map(of_line).collect()
 }
 
-/// Position of the Moon in a frame, half-pixel centres: the centroid of what the 5 x 5 pixels about the brightest one
-/// well inside the circle have above the median of the two rings around them. In the first frames one pixel is
-/// saturated; what it lacks moves this by less than 0.04 pixels, 0.03 degrees.
+/// Position of the Moon in a frame, half-pixel centres: the centroid of what the 5 x 5 pixels about the
+/// brightest one well inside the circle have above the median of the two rings around them. In the first
+/// frames one pixel is saturated; what it lacks moves this by less than 0.04 pixels, 0.03 degrees.
 fn moon_pixel(codes: &[u16]) -> DVec2 {
     let at = |x: usize, y: usize| f64::from(codes[y * SIDE + x]);
     let inside = |x: usize, y: usize| (x as f64 - CENTRE_PX.x).hypot(y as f64 - CENTRE_PX.y) < 110.0;
@@ -89,8 +89,8 @@ fn moon_pixel(codes: &[u16]) -> DVec2 {
     moment / sum
 }
 
-/// From `SOURCES.md`: near-equidistant, an image circle of 246 pixels (the sky down to the horizon) about (132, 131)
-/// counted from the centre of the first pixel; frames sit on a pedestal of 3300 codes.
+/// From `SOURCES.md`: near-equidistant, an image circle of 246 pixels (the sky down to the horizon) about
+/// (132, 131) counted from the centre of the first pixel; frames sit on a pedestal of 3300 codes.
 const CENTRE_PX: DVec2 = DVec2::new(132.5, 131.5);
 const CIRCLE_PX: f64 = 246.0;
 const PEDESTAL: u16 = 3300;

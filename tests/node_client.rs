@@ -1,4 +1,5 @@
-//! The JavaScript client, `clients/lightcast.js`, in Node: its own tests, and its example against the program.
+//! The JavaScript client, `clients/lightcast.js`, in Node: its own tests, and its example against the
+//! program.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 #[path = "clients/server.rs"]

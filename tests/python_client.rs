@@ -13,7 +13,8 @@ use std::sync::OnceLock;
 /// Runs on every Python that the client is for, 3.9 and later.
 const WEBSOCKETS: &str = "websockets==15.0.1";
 
-/// Python with the client's one dependency, made once for all tests; the error says why it cannot be had here.
+/// Python with the client's one dependency, made once for all tests; the error says why it cannot be had
+/// here.
 fn python() -> Result<PathBuf, String> {
     static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     PYTHON.get_or_init(make_python).clone()

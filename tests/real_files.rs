@@ -17,7 +17,8 @@ fn data(test: &str) -> Option<PathBuf> {
     if folder.join("env").is_dir() {
         return Some(folder);
     }
-    // Not eprintln!, which the test harness swallows when a test passes; in one piece, as tests run side by side.
+    // Not eprintln!, which the test harness swallows when a test passes; in one piece, as tests run side by
+    // side.
     let line = format!("skipped: {test}: no real maps in {}\n", folder.display());
     let _ = std::io::stderr().write_all(line.as_bytes());
     None
@@ -78,8 +79,8 @@ fn every_map_has_the_size_the_peak_and_the_mean_luminance_of_its_description() {
         let (mut sum, mut weights, mut peak) = (0.0, 0.0, 0.0_f64);
         for (index, &pixel) in rgb(&frame).iter().enumerate() {
             let (row, column) = (index / frame.width, index % frame.width);
-            // The weights of the description: sine of the polar angle, and sin(theta) / theta for the angular map,
-            // whose circle touches the edges.
+            // The weights of the description: sine of the polar angle, and sin(theta) / theta for the angular
+            // map, whose circle touches the edges.
             let weight = if *is_lat_long {
                 (PI * (row as f64 + 0.5) / frame.height as f64).sin()
             } else {

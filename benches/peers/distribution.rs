@@ -30,15 +30,15 @@ pub enum Distribution {
 
 impl Distribution {
     pub fn new(inversion: Inversion, shape: PolarShape) -> Self {
-        let z = |row: f64| 1.0 - (shape.theta_max_rad * row / shape.rows as f64).cos();
+        let z = |row: f64| 1.0 - (shape.theta_max_rad() * row / shape.rows() as f64).cos();
         match inversion {
             Inversion::Standard => {
-                let edges: Vec<f64> = (0..=shape.rows).map(|row| z(row as f64)).collect();
-                Self::Standard(Standard::new(shape.columns, &edges))
+                let edges: Vec<f64> = (0..=shape.rows()).map(|row| z(row as f64)).collect();
+                Self::Standard(Standard::new(shape.columns(), &edges))
             }
             Inversion::Bicontinuous => {
-                let centres: Vec<f64> = (0..shape.rows).map(|row| z(row as f64 + 0.5)).collect();
-                Self::Bicontinuous(Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64)))
+                let centres: Vec<f64> = (0..shape.rows()).map(|row| z(row as f64 + 0.5)).collect();
+                Self::Bicontinuous(Bicontinuous::new(shape.columns(), &centres, z(shape.rows() as f64)))
             }
         }
     }

@@ -58,7 +58,7 @@ def race(*sides):
 
 
 class Table:
-    """Lines as they stand in README.md."""
+    """Lines as they stand in docs/results.md."""
 
     def section(self, title, remark=""):
         print(f"\n{title:<66}{'ours ms':>10}{'peer ms':>10}{'ratio':>7}   {remark}".rstrip(), flush=True)

@@ -56,7 +56,7 @@ pub fn run() -> String {
         for lights in LIGHTS {
             let cost = Cost { pixels: shape.len(), lights, steps_ms: steps(shape, lights, matrix_ms) };
             let columns = cost.steps_ms.map(|ms| format!("{ms:>25.4}")).concat();
-            let map = format!("{}x{rows}", shape.columns);
+            let map = format!("{}x{rows}", shape.columns());
             println!("{map:>9} {lights:>6} {columns}{:>25.4}", cost.all_ms());
             costs.push(cost);
         }

@@ -2,8 +2,8 @@
 
 use super::standard_input::StandardInput;
 use crate::error::{Error, Result};
-use crate::light::ListFile;
 use crate::rt::Shutdown;
+use crate::wire::ListFile;
 use std::ffi::OsStr;
 use std::io::{self, BufRead};
 use std::path::{Path, PathBuf};

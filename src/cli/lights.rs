@@ -7,6 +7,7 @@ use crate::files::replace_file;
 use crate::light::error::ListError;
 use crate::light::{self, LightList};
 use crate::picture::draw_map;
+use crate::wire::write_list_line;
 use clap::ValueEnum;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -105,7 +106,7 @@ impl From<SamplerName> for Sampler {
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let panorama = Input::panorama(&arguments.input, "lights")?;
     let picture = arguments.picture.as_deref().map(png).transpose()?;
-    let shape = map_shape(arguments.resolution, arguments.hemisphere);
+    let shape = map_shape(arguments.resolution, arguments.hemisphere)?;
     let map = read_panorama(&panorama, shape)?;
     let options = Options {
         count: arguments.lights,
@@ -124,8 +125,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     }
     let failed = |error: io::Error| Error::failed("cannot be written").because(error);
     match &arguments.output {
-        Some(path) => replace_file(path, |writer| list.write_json_line(writer).map_err(failed)),
-        None => match list.write_json_line(io::stdout().lock()) {
+        Some(path) => replace_file(path, |writer| write_list_line(&list, writer).map_err(failed)),
+        None => match write_list_line(&list, io::stdout().lock()) {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(failed(error).at("standard output")),
             _ => Ok(()),
         },

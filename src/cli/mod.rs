@@ -7,6 +7,7 @@ mod input;
 mod lights;
 mod messages;
 mod panorama;
+mod progress;
 mod record;
 #[cfg(feature = "render")]
 mod render;

@@ -5,6 +5,7 @@ use crate::files::{self, Attributes, MAX_PIXELS, lat_long_note};
 use glam::DMat3;
 use lightcast_core::camera::{FrameToPolar, PixelCounts, Projection, Response};
 use lightcast_core::image::{Frame, Pixels, PolarMap, PolarShape};
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::io::{self, Read as _};
 use std::path::Path;
 
@@ -12,10 +13,13 @@ use std::path::Path;
 const MOST_BYTES: u64 = 12 * MAX_PIXELS as u64 + (1 << 20);
 
 /// The polar map that a panorama is averaged to, unless `resolution` says otherwise: by degrees.
-pub(super) fn map_shape(resolution: Option<Resolution>, is_hemisphere: bool) -> PolarShape {
-    let rows = if is_hemisphere { 90 } else { 180 };
+///
+/// # Errors
+/// Those of [`PolarShape::new`].
+pub(super) fn map_shape(resolution: Option<Resolution>, is_hemisphere: bool) -> Result<PolarShape> {
+    let (rows, theta_max_rad) = if is_hemisphere { (90, FRAC_PI_2) } else { (180, PI) };
     let Resolution { columns, rows } = resolution.unwrap_or(Resolution { columns: 360, rows });
-    if is_hemisphere { PolarShape::hemisphere(columns, rows) } else { PolarShape::sphere(columns, rows) }
+    PolarShape::new(columns, rows, theta_max_rad).map_err(|error| error.at("--resolution"))
 }
 
 /// Reads a lat-long panorama of the whole sphere, a file or `-`, and averages it by area to a polar map. Pixels without a usable
@@ -42,7 +46,6 @@ pub(super) fn read_panorama_as(path: &Path, shapes: &[PolarShape]) -> Result<Vec
         Projection::LatLong { width: frame.width, height: frame.height, centres: attributes.latlong_centres };
     let (response, mut counts) = (Response::default(), PixelCounts::default());
     let mut average = |&shape: &PolarShape| {
-        // First, because it refuses shapes that no memory holds.
         let mut frame_to_polar = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?;
         let mut map = PolarMap::black(shape);
         counts = frame_to_polar

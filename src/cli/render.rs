@@ -137,7 +137,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     time: f64,
 
-    /// Render the first list in every N sequence numbers.
+    /// Render the list of the first frame in every N sequence numbers; `run --picture-every N` draws the same frames,
+    /// and gives them the same numbers.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
 

@@ -1,6 +1,7 @@
 use super::input::{Input, display_name, is_standard_input};
 use super::messages::PROGRESS;
-use super::panorama::read_panorama;
+use super::panorama::{map_shape, read_panorama};
+use super::progress::Progress;
 use super::render::load_scene;
 use super::resolution::Resolution;
 use super::standard_output::print;
@@ -9,8 +10,6 @@ use crate::gpu::{Backend, Gpu};
 use crate::report::frame_time::heading;
 use crate::report::pictures::{COUNTS, Measured, Pictures, lines, means, options, plot};
 use crate::scene::Scene;
-use indicatif::{ProgressBar, ProgressStyle};
-use lightcast_core::image::PolarShape;
 use std::path::{Path, PathBuf};
 
 /// Print error of pictures against the number of lights, as tables and a plot.
@@ -61,7 +60,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     }
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
     let options = options([side(size.columns), side(size.rows)], *shadow_maps);
-    let shape = PolarShape::hemisphere(resolution.columns, resolution.rows);
+    let shape = map_shape(Some(*resolution), true)?;
     let map = |path: &PathBuf| {
         let panorama = Input::panorama(path, "report-pictures")?;
         Ok((name(path), read_panorama(&panorama, shape)?))
@@ -72,9 +71,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         models.push((name(path), load_scene(path, true)?));
     }
 
-    let style =
-        ProgressStyle::with_template("{bar:40} {percent}% {msg}").expect("a template that is well formed");
-    let bar = PROGRESS.add(ProgressBar::new(100 * (models.len() * maps.len()) as u64)).with_style(style);
+    let progress = Progress::in_percent(100 * (models.len() * maps.len()) as u64);
     let mut measured = Vec::new();
     let (mut adapter, mut adapter_name) = (String::new(), String::new());
     for (scene_name, scene) in models {
@@ -94,16 +91,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         }
         let mut pictures = Pictures::new(gpu, scene, &options)?;
         for (map_name, map) in &maps {
-            bar.set_message(format!("{scene_name}, {map_name}"));
+            progress.set_message(format!("{scene_name}, {map_name}"));
             let start = 100 * measured.len() as u64;
-            let rows = pictures.measure(map, |share| bar.set_position(start + (90.0 * share) as u64))?;
+            let rows = pictures.measure(map, |share| progress.set_position(start + (90.0 * share) as u64))?;
             if !PROGRESS.suspend(|| print(&lines(&adapter, &format!("{scene_name}, {map_name}"), &rows)))? {
                 return Ok(());
             }
             measured.push(Measured { scene: scene_name.clone(), map: map_name.clone(), rows });
         }
     }
-    bar.finish_and_clear();
+    progress.finish();
     let title = format!("geometric means over {}", measured.len());
     print(&lines(&adapter, &title, &means(measured.iter())))?;
     if let Some(path) = plot_file {

@@ -1,6 +1,7 @@
 use super::input::Input;
 use super::messages::PROGRESS;
 use super::panorama::read_panorama;
+use super::progress::Progress;
 use super::report_pictures::name;
 use super::standard_output::print;
 use crate::error::Result;
@@ -8,7 +9,6 @@ use crate::gpu::{Backend, Gpu};
 use crate::report::frame_time::heading;
 use crate::report::speed::{Row, clustering_rows, culling_rows, lines};
 use crate::report::speed_cases::{self as cases, Case};
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 
 /// Print the speed of the renderer, as tables.
@@ -45,9 +45,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         ("full size", cases::full_size(first)?),
     ];
     let row_count = 2 + 3 * maps.len() + tables.iter().map(|(_, cases)| cases.len()).sum::<usize>();
-    let style =
-        ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}").expect("a template that is well formed");
-    let bar = PROGRESS.add(ProgressBar::new(row_count as u64)).with_style(style);
+    let progress = Progress::in_percent(row_count as u64);
     let show = |lines: Vec<String>| PROGRESS.suspend(|| print(&lines));
 
     let mut head = heading(&gpu()?);
@@ -59,24 +57,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     ));
     let mut goes_on = show(head)?;
     if goes_on {
-        bar.set_message("culling");
+        progress.set_message("culling");
         goes_on = show(lines(&adapter, "culling", &culling_rows(gpu)?))?;
-        bar.inc(2);
+        progress.inc(2);
     }
     for (name, map) in &maps {
         if goes_on {
-            bar.set_message(format!("clusters, {name}"));
+            progress.set_message(format!("clusters, {name}"));
             goes_on = show(lines(&adapter, &format!("clusters, {name}"), &clustering_rows(gpu, map)?))?;
-            bar.inc(3);
+            progress.inc(3);
         }
     }
     for (title, cases) in tables {
         if goes_on {
-            bar.set_message(title);
-            goes_on = show(lines(&adapter, title, &rows(cases, &bar)?))?;
+            progress.set_message(title);
+            goes_on = show(lines(&adapter, title, &rows(cases, &progress)?))?;
         }
     }
-    bar.finish_and_clear();
+    progress.finish();
     Ok(())
 }
 
@@ -84,10 +82,10 @@ fn gpu() -> Result<Gpu> {
     Gpu::open(&Gpu::instance(Backend::Vulkan), None)
 }
 
-fn rows(cases: Vec<Case>, bar: &ProgressBar) -> Result<Vec<Row>> {
+fn rows(cases: Vec<Case>, progress: &Progress) -> Result<Vec<Row>> {
     let measure = |case| {
         let row = Row::measure(gpu()?, case)?;
-        bar.inc(1);
+        progress.inc(1);
         Ok(row)
     };
     cases.into_iter().map(measure).collect()

@@ -1,30 +1,31 @@
 use super::input::ConfigurationArguments;
-use super::messages::PROGRESS;
+use super::progress::Progress;
 use super::serving::Serving;
 use super::signals::SignalWatch;
 use super::systemd::Watchdog;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::net::{Board, Server};
-use crate::rt::Shutdown;
-use crate::service::{Copies, Output, Pictures, RecordOptions, Service, Summary};
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::rt::{Shutdown, StoppableWriter};
+use crate::service::{Ends, Output, Pictures, RecordOptions, Service, Summary};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How often the progress bar moves: quick enough to look alive, far slower than frames.
+/// How often the progress moves: quick enough to look alive, far slower than frames.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Capture or play what a configuration names and write a light list for every frame.
 ///
 /// Each frame gives one line of JSON: time and place in the sequence, power, error, and every light with its slot,
-/// direction, irradiance and spread. Standard error gets progress (on a terminal), every file that could not be
-/// read, and a summary at the end: frames, drops, bad frames and times of every stage, the frames that a camera lost,
-/// and the pixels that were saturated or invalid.
+/// direction, irradiance and spread. Standard error gets progress, every file that could not be read, and a summary at
+/// the end: frames, drops, bad frames and times of every stage, the frames that a camera lost, and the pixels that were
+/// saturated or invalid.
 ///
 /// Ctrl-C (SIGINT) or SIGTERM ends the run after the frames under way, and all lists written are whole; a second
 /// signal ends it at once with exit code 128 + signal. A reader that closes the pipe ends the run too.
@@ -52,7 +53,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
-    /// Draw the first map in every N sequence numbers.
+    /// Draw the first map in every N sequence numbers; a picture has the number of the list that is drawn on it.
     #[arg(long, value_name = "N", default_value_t = 25, requires = "pictures",
           value_parser = clap::value_parser!(u64).range(1..))]
     picture_every: u64,
@@ -74,15 +75,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let shutdown = Shutdown::new();
     let Some(address) = &arguments.listen else {
         let _signals = SignalWatch::start(&shutdown)?;
-        let mut output = OutputFile::new(arguments);
-        let service = Service::start(
-            &config,
-            || output.open(),
-            copies(arguments, arguments.record.clone(), None),
-            &shutdown,
-        )?;
+        let output = OutputFile::new(arguments);
+        let ends = ends(arguments, arguments.record.clone(), output.output(&shutdown), None);
+        let service = Service::start(&config, ends, &shutdown)?;
         let summary = service.summary();
-        return watch(service, &summary, "lists", Summary::lists_published, |_| ());
+        return watch(service, &summary, "lists", Summary::lists_made, |_| ());
     };
     let signals = SignalWatch::start_with_hangup(&shutdown)?;
     allow_many_connections();
@@ -110,14 +107,19 @@ fn allow_many_connections() {
     }
 }
 
-/// Pictures, a recording and the clients of a server.
-pub(super) fn copies(arguments: &Arguments, record: Option<PathBuf>, board: Option<&Arc<Board>>) -> Copies {
+/// Who gets what a service makes: files, a recording and the clients of a server.
+pub(super) fn ends(
+    arguments: &Arguments,
+    record: Option<PathBuf>,
+    output: Option<Output>,
+    board: Option<&Arc<Board>>,
+) -> Ends {
     let pictures = arguments
         .pictures
         .as_ref()
         .map(|folder| Pictures { folder: folder.clone(), every: arguments.picture_every });
     let recording = record.map(|folder| RecordOptions { folder, ..RecordOptions::default() });
-    Copies { pictures, recording, board: board.cloned(), ..Copies::default() }
+    Ends { pictures, recording, output, board: board.cloned(), ..Ends::default() }
 }
 
 /// Shows the progress of a service until it ends, then its summary. `count` counts the `things` of its progress; `watch`
@@ -125,66 +127,57 @@ pub(super) fn copies(arguments: &Arguments, record: Option<PathBuf>, board: Opti
 pub(super) fn watch(
     service: Service,
     summary: &Summary,
-    things: &str,
+    things: &'static str,
     count: impl Fn(&Summary) -> u64,
     mut watch: impl FnMut(&Summary),
 ) -> Result<()> {
-    let bar = PROGRESS.add(progress_bar(service.frame_count(), things));
+    let progress = Progress::of(service.frame_count(), things);
     let outcome = service.join(PROGRESS_INTERVAL, || {
-        bar.set_position(count(summary));
+        progress.set_position(count(summary));
         watch(summary);
     });
-    bar.finish_and_clear();
+    progress.finish();
     // The summary also tells how far a failed run came.
     let _ = write!(io::stderr(), "{summary}");
     outcome
 }
 
-/// Where the lists go: made by the first service that starts, gone on with by those after it.
+/// Where the lists are written: a file is made by the first service that starts, and gone on with by those after it.
 pub(super) struct OutputFile<'a> {
     path: Option<&'a Path>,
     /// Lists that clients get are written only where that is asked for.
     is_streamed: bool,
-    file: Option<File>,
+    file: Rc<RefCell<Option<File>>>,
 }
 
 impl<'a> OutputFile<'a> {
     fn new(arguments: &'a Arguments) -> Self {
-        Self { path: arguments.output.as_deref(), is_streamed: arguments.listen.is_some(), file: None }
+        Self {
+            path: arguments.output.as_deref(),
+            is_streamed: arguments.listen.is_some(),
+            file: Rc::default(),
+        }
     }
 
-    pub fn open(&mut self) -> Result<Output> {
+    /// The output of a service that ends with `shutdown`.
+    pub fn output(&self, shutdown: &Shutdown) -> Option<Output> {
         let Some(path) = self.path else {
-            return Ok(if self.is_streamed {
-                Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() }
-            } else {
-                Output { writer: Box::new(io::stdout()), name: "standard output".to_owned() }
-            });
+            return (!self.is_streamed).then(|| Output::new("standard output", io::stdout()));
         };
-        let failed = |error: io::Error| {
-            Error::failed("the output file cannot be made").because(error).at(path.display())
+        let (path, file, shutdown) = (path.to_owned(), self.file.clone(), shutdown.clone());
+        let name = path.display().to_string();
+        let open = move || -> Result<Box<dyn io::Write + Send>> {
+            let failed = |error: io::Error| {
+                Error::failed("the output file cannot be made").because(error).at(path.display())
+            };
+            let mut file = file.borrow_mut();
+            let file = match &mut *file {
+                Some(file) => file,
+                None => file.insert(File::create(&path).map_err(failed)?),
+            };
+            let file = file.try_clone().map_err(failed)?;
+            Ok(Box::new(StoppableWriter::new(file, &shutdown).map_err(failed)?))
         };
-        let file = match self.file.take() {
-            Some(file) => file,
-            None => File::create(path).map_err(failed)?,
-        };
-        let writer = file.try_clone().map_err(failed)?;
-        self.file = Some(file);
-        Ok(Output { writer: Box::new(writer), name: path.display().to_string() })
+        Some(Output { name, open: Box::new(open) })
     }
-}
-
-/// Draws nothing unless standard error is a terminal.
-fn progress_bar(count: Option<u64>, things: &str) -> ProgressBar {
-    let template = if count.is_some() {
-        format!("{{bar:40}} {{pos}}/{{len}} {things}, {{per_sec}}, {{eta}} left")
-    } else {
-        format!("{{spinner}} {{pos}} {things}, {{per_sec}}, {{elapsed}}")
-    };
-    let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    match count {
-        Some(count) => ProgressBar::new(count),
-        None => ProgressBar::new_spinner(),
-    }
-    .with_style(style)
 }

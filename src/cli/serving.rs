@@ -1,12 +1,12 @@
 //! `run --listen`: a service whose configuration can be taken anew (SIGHUP) while its clients stay connected.
 
-use super::run::{Arguments, OutputFile, copies, watch};
+use super::run::{Arguments, OutputFile, ends, watch};
 use super::signals::SignalWatch;
 use super::systemd::Watchdog;
 use crate::config::Config;
 use crate::error::Result;
 use crate::net::{Board, Server, ServerOptions};
-use crate::rt::Shutdown;
+use crate::rt::{BackOff, Shutdown};
 use crate::service::{Service, Summary};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -50,25 +50,25 @@ impl Serving<'_> {
         Ok(())
     }
 
-    fn start(&mut self, config: &Config, record: Option<PathBuf>) -> Result<(Service, Shutdown)> {
+    fn start(&self, config: &Config, record: Option<PathBuf>) -> Result<(Service, Shutdown)> {
         let ending = Shutdown::new();
-        let copies = copies(self.arguments, record, Some(self.board));
-        Ok((Service::start(config, || self.output.open(), copies, &ending)?, ending))
+        let ends = ends(self.arguments, record, self.output.output(&ending), Some(self.board));
+        Ok((Service::start(config, ends, &ending)?, ending))
     }
 
     /// Starts with a configuration that has worked: if it does not now, a device is away, and is waited for; SIGHUP can
     /// bring another. `None`: the program is to end.
     fn start_as_before(&mut self, config: &mut Config, record: Option<&Path>) -> Option<(Service, Shutdown)> {
-        let mut wait = FIRST_WAIT;
+        let mut attempts = BackOff::new(FIRST_WAIT, LONGEST_WAIT);
         loop {
+            attempts.attempt();
             match self.start(config, record.map(Path::to_owned)) {
                 Ok(started) => return Some(started),
-                Err(error) => tracing::warn!("{error}; trying again in {} s", wait.as_secs_f64()),
+                Err(error) => tracing::warn!("{error}; trying again in {} s", attempts.wait().as_secs_f64()),
             }
-            if self.shutdown.wait(wait) {
+            if self.shutdown.wait(attempts.wait()) {
                 return None;
             }
-            wait = (2 * wait).min(LONGEST_WAIT);
             if self.signals.take_hangup() {
                 match self.reload() {
                     Ok(next) => {
@@ -85,7 +85,7 @@ impl Serving<'_> {
     fn run(&mut self, (service, ending): (Service, Shutdown)) -> Result<Option<Next>> {
         let mut next = None;
         let summary = service.summary().with(self.server.metrics().clone());
-        let outcome = watch(service, &summary, "lists", Summary::lists_published, |summary| {
+        let outcome = watch(service, &summary, "lists", Summary::lists_made, |summary| {
             if next.is_none() {
                 self.watchdog.see(summary);
             }

@@ -1,8 +1,7 @@
-use super::messages::PROGRESS;
+use super::progress::Progress;
 use crate::error::{Error, Result};
 use crate::files::{write_exr, write_png16};
 use crate::source::synthetic::{Script, Synthetic};
-use indicatif::{ProgressBar, ProgressStyle};
 use lightcast_core::camera::LOOKING_UP;
 use lightcast_core::image::{Frame, Pixels};
 use std::path::{Path, PathBuf};
@@ -41,19 +40,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         .map_err(|error| Error::failed(format!("{}: cannot be made", folder.display())).because(error))?;
     let frames = arguments.frames.map_or(script.frames, |frames| frames as usize);
 
-    let bar = PROGRESS.add(ProgressBar::new(frames as u64)).with_style(
-        ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left")
-            .unwrap_or_else(|_| ProgressStyle::default_bar()),
-    );
+    let progress = Progress::of(Some(frames as u64), "frames");
     let mut source = Synthetic::new(script);
     let mut frame = Frame::default();
     let mut bytes = 0;
     for index in 0..frames {
         source.render(index, &mut frame);
         bytes += write(folder, source.script(), index, &frame)?;
-        bar.inc(1);
+        progress.inc(1);
     }
-    bar.finish_and_clear();
+    progress.finish();
 
     let script = source.script();
     tracing::info!(

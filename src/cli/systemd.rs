@@ -20,7 +20,7 @@ impl Watchdog {
 
     /// Looks at what the stages have done, several times a second. The first list makes the service ready.
     pub fn see(&mut self, summary: &Summary) {
-        let lists = summary.lists_published();
+        let lists = summary.lists_made();
         if !self.is_ready && lists > 0 {
             self.is_ready = true;
             tell(&[NotifyState::Ready, NotifyState::Status("lists flow")]);

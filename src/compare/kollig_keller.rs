@@ -90,7 +90,7 @@ fn grow(
     bright.sort_by(|a, b| b.luminance().total_cmp(&a.luminance()));
     bright.truncate(dark.len() + (used / NODES_PER_NEW_ONE).max(1));
     // Nearer than to the next pixel a new site would find nothing.
-    let least_rad = 0.5 * shape.theta_max_rad / shape.rows as f64;
+    let least_rad = 0.5 * shape.theta_max_rad() / shape.rows() as f64;
     let mut grown = None;
     let mut places = dark.into_iter().chain(used..sites.len());
     for light in bright {

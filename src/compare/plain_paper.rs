@@ -12,15 +12,15 @@ const WEIGHTS: [f32; 9] = [0.06216, 0.01296, -0.13816, 0.28315, 0.65223, 0.28315
 
 /// Edges of the rows as z = 1 - cos theta.
 fn z_edges(map: &PolarMap) -> Vec<f32> {
-    let step = map.shape.theta_max_rad as f32 / map.shape.rows as f32;
-    (0..=map.shape.rows).map(|row| 1.0 - (row as f32 * step).cos()).collect()
+    let step = map.shape.theta_max_rad() as f32 / map.shape.rows() as f32;
+    (0..=map.shape.rows()).map(|row| 1.0 - (row as f32 * step).cos()).collect()
 }
 
 /// Luminous power: the sum of luminance times solid angle, in f32.
 pub(super) fn power(map: &PolarMap) -> f32 {
-    let (z, d_phi) = (z_edges(map), TAU / map.shape.columns as f32);
+    let (z, d_phi) = (z_edges(map), TAU / map.shape.columns() as f32);
     let mut sum = 0.0f32;
-    for (row, pixels) in map.pixels.chunks_exact(map.shape.columns).enumerate() {
+    for (row, pixels) in map.pixels.chunks_exact(map.shape.columns()).enumerate() {
         for &pixel in pixels {
             sum += luminance(pixel) * (z[row + 1] - z[row]) * d_phi;
         }
@@ -50,7 +50,7 @@ fn inverse(count: usize, u: f32, table: impl Fn(usize) -> f32) -> f32 {
 
 /// Lights of equal power at the bicontinuous inverse transform of `points`, with the chromaticity of their pixels.
 pub(super) fn lights(map: &PolarMap, points: &[[f64; 2]]) -> Vec<Light> {
-    let (columns, rows) = (map.shape.columns, map.shape.rows);
+    let (columns, rows) = (map.shape.columns(), map.shape.rows());
     let z = z_edges(map);
     let row_luminances =
         |row: usize| map.pixels[row * columns..][..columns].iter().map(|&pixel| luminance(pixel));

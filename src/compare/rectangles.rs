@@ -66,15 +66,15 @@ impl<'a> Pixels<'a> {
     pub(super) fn new(map: &'a PolarMap) -> Self {
         let shape = map.shape;
         let row = |row: usize| {
-            let (sin, cos) = (shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64).sin_cos();
+            let (sin, cos) = (shape.theta_max_rad() * (row as f64 + 0.5) / shape.rows() as f64).sin_cos();
             [sin, cos, shape.pixel_solid_angle(row)]
         };
-        Self { map, azimuths: shape.column_azimuths(), rows: (0..shape.rows).map(row).collect() }
+        Self { map, azimuths: shape.column_azimuths(), rows: (0..shape.rows()).map(row).collect() }
     }
 
     /// All of them.
     pub(super) fn whole(&self) -> Rectangle {
-        Rectangle { rows: 0..self.map.shape.rows, columns: 0..self.map.shape.columns }
+        Rectangle { rows: 0..self.map.shape.rows(), columns: 0..self.map.shape.columns() }
     }
 
     /// The axis along which a rectangle is longer as seen on the sphere, the width taken where it is widest, if it has
@@ -84,7 +84,7 @@ impl<'a> Pixels<'a> {
         let (top_rad, rim_rad) =
             (shape.theta_edge_rad(rectangle.rows.start), shape.theta_edge_rad(rectangle.rows.end));
         let widest_rad = FRAC_PI_2.clamp(top_rad, rim_rad);
-        let width_rad = TAU * rectangle.columns.len() as f64 / shape.columns as f64 * widest_rad.sin();
+        let width_rad = TAU * rectangle.columns.len() as f64 / shape.columns() as f64 * widest_rad.sin();
         let axes = if rim_rad - top_rad > width_rad {
             [Axis::Rows, Axis::Columns]
         } else {
@@ -96,7 +96,7 @@ impl<'a> Pixels<'a> {
     /// The share of every slice of a rectangle along an axis.
     pub(super) fn slices(&self, rectangle: &Rectangle, axis: Axis, content: Content) -> Vec<Share> {
         let mut slices = vec![Share::default(); rectangle.length(axis)];
-        let columns = self.map.shape.columns;
+        let columns = self.map.shape.columns();
         for row in rectangle.rows.clone() {
             let [sin_theta, cos_theta, solid_angle] = self.rows[row];
             for column in rectangle.columns.clone() {

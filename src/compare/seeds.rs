@@ -38,15 +38,15 @@ impl Seeds {
         relaxation_steps: usize,
         inversion: Inversion,
     ) -> Self {
-        let rows = shape.rows;
+        let rows = shape.rows();
         let bicontinuous = || {
             let centres: Vec<f64> = (0..rows).map(|row| shape.height(row as f64 + 0.5)).collect();
-            Bicontinuous::new(shape.columns, &centres, shape.height(rows as f64))
+            Bicontinuous::new(shape.columns(), &centres, shape.height(rows as f64))
         };
         let distribution = match inversion {
             Inversion::Standard => {
                 let edges: Vec<f64> = (0..=rows).map(|row| shape.height(row as f64)).collect();
-                Distribution::Standard(Standard::new(shape.columns, &edges))
+                Distribution::Standard(Standard::new(shape.columns(), &edges))
             }
             Inversion::Bicontinuous => Distribution::Bicontinuous(bicontinuous()),
             Inversion::NormalisedRows => Distribution::Bicontinuous(bicontinuous().with_normalised_rows()),

@@ -145,7 +145,7 @@ fn components(map: &PolarMap) -> (Vec<Component>, Vec<usize>) {
         collect_component(map.shape, start, close, &mut stack, &mut members);
         let (mut flux, mut solid_angle) = (0.0, 0.0);
         for &index in &members[first..] {
-            let of_pixel = map.shape.pixel_solid_angle(index / map.shape.columns);
+            let of_pixel = map.shape.pixel_solid_angle(index / map.shape.columns());
             flux += luminance(map, index) * of_pixel;
             solid_angle += of_pixel;
         }
@@ -161,7 +161,7 @@ fn components(map: &PolarMap) -> (Vec<Component>, Vec<usize>) {
 /// The level of every pixel: how many of the thresholds sigma, 2 sigma ... 5 sigma its luminance reaches, sigma the
 /// map's standard deviation over solid angle. All 0 for a constant map.
 fn levels(map: &PolarMap) -> Vec<usize> {
-    let solid_angle = |index: usize| map.shape.pixel_solid_angle(index / map.shape.columns);
+    let solid_angle = |index: usize| map.shape.pixel_solid_angle(index / map.shape.columns());
     let (mut sum, mut weight) = (0.0, 0.0);
     for index in 0..map.pixels.len() {
         sum += luminance(map, index) * solid_angle(index);
@@ -188,11 +188,11 @@ fn luminance(map: &PolarMap, index: usize) -> f64 {
 }
 
 fn direction(map: &PolarMap, index: usize) -> DVec3 {
-    map.shape.pixel_direction(index / map.shape.columns, index % map.shape.columns)
+    map.shape.pixel_direction(index / map.shape.columns(), index % map.shape.columns())
 }
 
 fn pixel_share(map: &PolarMap, index: usize) -> Share {
-    let solid_angle = map.shape.pixel_solid_angle(index / map.shape.columns);
+    let solid_angle = map.shape.pixel_solid_angle(index / map.shape.columns());
     let flux = map.pixels[index].map(|value| f64::from(value) * solid_angle);
     Share { flux, moment: direction(map, index) * luminance_f64(flux) }
 }

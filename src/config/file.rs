@@ -13,14 +13,6 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 
-/// Largest side of a polar map. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses slips of the
-/// finger before they ask for all memory.
-const MAX_MAP_SIDE: usize = 16_384;
-
-/// Lowest rim of a polar map. Rows are told apart by the cosine of their angles in f64: at this limit 90 rows still
-/// have their solid angles within 1e-6, far below it all have the same cosine and the map would be black.
-const LEAST_POLAR_ANGLE_DEG: f64 = 0.1;
-
 /// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and the turn that this
 /// leaves open is far below a pixel.
 const ROTATION_TOLERANCE: f64 = 1e-5;
@@ -58,11 +50,8 @@ struct CameraKeys {
 #[derive(Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct MapKeys {
-    #[serde(deserialize_with = "map_side")]
     columns: usize,
-    #[serde(deserialize_with = "map_side")]
     rows: usize,
-    #[serde(deserialize_with = "polar_angle")]
     theta_max_deg: f64,
 }
 
@@ -79,22 +68,10 @@ pub(super) fn parse(origin: TomlText) -> Result<Config> {
     let folder = origin.path.parent().unwrap_or(Path::new("")).to_owned();
     let (source, pace, links) = source.check(&folder).map_err(|error| origin.locate("source", error))?;
     let camera = camera.check(&folder).map_err(|error| origin.locate("camera", error))?;
+    let map = PolarShape::new(map.columns, map.rows, map.theta_max_deg.to_radians())
+        .map_err(|error| origin.locate("map", error))?;
     let server = server.check(&folder).map_err(|error| origin.locate("server", error))?;
-    Ok(Config {
-        source,
-        pace,
-        links,
-        camera,
-        map: PolarShape {
-            columns: map.columns,
-            rows: map.rows,
-            theta_max_rad: map.theta_max_deg.to_radians(),
-        },
-        lights,
-        filter,
-        server,
-        origin,
-    })
+    Ok(Config { source, pace, links, camera, map, lights, filter, server, origin })
 }
 
 impl CameraKeys {
@@ -129,26 +106,6 @@ impl CameraKeys {
             rec709_from_sensor,
         })
     }
-}
-
-fn map_side<'de, D: Deserializer<'de>>(value: D) -> Result<usize, D::Error> {
-    let side = usize::deserialize(value)?;
-    if !(1..=MAX_MAP_SIDE).contains(&side) {
-        return Err(D::Error::custom(format!(
-            "a side of the map has 1 to {MAX_MAP_SIDE} pixels, not {side}"
-        )));
-    }
-    Ok(side)
-}
-
-fn polar_angle<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
-    let angle_deg = f64::deserialize(value)?;
-    if !(LEAST_POLAR_ANGLE_DEG..=180.0).contains(&angle_deg) {
-        return Err(D::Error::custom(format!(
-            "the lower rim lies at {LEAST_POLAR_ANGLE_DEG} to 180 degrees, not at {angle_deg:?}"
-        )));
-    }
-    Ok(angle_deg)
 }
 
 fn rotation<'de, D: Deserializer<'de>>(value: D) -> Result<Option<DMat3>, D::Error> {
@@ -272,14 +229,11 @@ mod tests {
         for (rest, expected) in [
             ("colour = 1", "conf/a.toml: line 4 (`colour = 1`): unknown field `colour`"),
             ("[lihgts]", "conf/a.toml: line 4 (`[lihgts]`): unknown field `lihgts`"),
-            ("[map]\n\nrows = 0", "line 6 (`rows = 0`): a side of the map has 1 to 16384 pixels, not 0"),
+            ("[map]\n\nrows = 0", "line 6: rows = 0: a side of a polar map has 1 to 16384 pixels"),
             ("[map]\ncolumns = -4", "line 5 (`columns = -4`): invalid value: integer `-4`"),
-            ("[map]\ntheta_max_deg = nan", "line 5 (`theta_max_deg = nan`): the lower rim"),
-            (
-                "[map]\ntheta_max_deg = 1e-7",
-                "(`theta_max_deg = 1e-7`): the lower rim lies at 0.1 to 180 degrees",
-            ),
-            ("[map]\ntheta_max_deg = 180.1", "line 5 (`theta_max_deg = 180.1`): the lower rim"),
+            ("[map]\ntheta_max_deg = nan", "line 5: theta_max_deg = NaN: the lower rim"),
+            ("[map]\ntheta_max_deg = 1e-7", "the lower rim of a polar map lies at 0.1 to 180 degrees"),
+            ("[map]\ntheta_max_deg = 180.1", "line 5: theta_max_deg = 180.1"),
             ("frame_rate_hz = 0.0", "line 4 (`frame_rate_hz = 0.0`): a frame rate is above 0"),
             (
                 "pace = \"slow\"",

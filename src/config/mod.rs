@@ -1,7 +1,7 @@
 //! What a configuration file says, checked once into the options of the rooms below.
 //!
-//! The file is TOML; `config/replay.toml` has every key with a comment. Unknown keys are refused, a fault is told
-//! with file, line and key, and paths in the file are relative to its folder.
+//! The file is TOML; `config/replay.toml` has every key with a comment. Unknown keys are refused, a fault is
+//! told with file, line and key, and paths in the file are relative to its folder.
 
 mod file;
 mod server;
@@ -84,7 +84,8 @@ pub struct CameraOptions {
     pub calibration: Option<PathBuf>,
     /// Which camera of a Kalibr chain; `None`: the first.
     pub kalibr_camera: Option<String>,
-    /// Meaning of sensor codes; goes before what the calibration says. Files of OpenCV and Kalibr say nothing.
+    /// Meaning of sensor codes; goes before what the calibration says. Files of OpenCV and Kalibr say
+    /// nothing.
     pub response: Option<Response>,
     /// Rotation from camera to world axes; `None`: the projection's own default.
     pub world_from_camera: Option<DMat3>,

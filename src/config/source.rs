@@ -23,8 +23,8 @@ enum Kind {
     Camera,
 }
 
-/// The keys of all kinds of sources. They lie in one structure, and not in one for each kind, so that a fault is told
-/// with its line.
+/// The keys of all kinds of sources. They lie in one structure, and not in one for each kind, so that a fault
+/// is told with its line.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SourceKeys {

@@ -2,8 +2,8 @@
 //! around a decoder that may panic.
 
 use crate::error::{Error, Result};
+use crate::rt;
 use lightcast_core::image::{Frame, LatLongCentres, Pixels};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Longest side that is read. The largest panoramas sold are 16384 x 8192, the largest fisheye sensors far
 /// smaller; a damaged header claims anything up to 2^32.
@@ -28,12 +28,7 @@ pub struct Attributes {
 /// panic on some damaged ones. One bad frame must not stop a run, so the panic ends here. Nothing of theirs
 /// outlives the call, and the frame is emptied after any error, so no half-made state is seen.
 pub(super) fn guarded<T>(frame: &mut Frame, decode: impl FnOnce(&mut Frame) -> Result<T>) -> Result<T> {
-    let outcome = catch_unwind(AssertUnwindSafe(|| decode(frame))).unwrap_or_else(|panic| {
-        let cause = panic
-            .downcast_ref::<&str>()
-            .map(ToString::to_string)
-            .or_else(|| panic.downcast_ref::<String>().cloned())
-            .unwrap_or_default();
+    let outcome = rt::contained(|| decode(frame)).unwrap_or_else(|cause| {
         Err(Error::bad_frame(format!("is damaged: its decoder gave up with `{cause}`")))
     });
     if outcome.is_err() {

@@ -15,7 +15,7 @@ pub fn collect_component(
     stack: &mut Vec<usize>,
     members: &mut Vec<usize>,
 ) {
-    let PolarShape { columns, rows, theta_max_rad } = shape;
+    let (columns, rows, theta_max_rad) = (shape.columns(), shape.rows(), shape.theta_max_rad());
     stack.clear();
     stack.push(start);
     let mut is_pole_done = [false; 2];

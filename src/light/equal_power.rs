@@ -31,7 +31,7 @@ pub fn equal_power(map: &PolarMap, directions: &[[f32; 3]], lights: &mut Vec<Lig
 fn pixel_towards(map: &PolarMap, direction: [f32; 3]) -> [f32; 3] {
     let shape = map.shape;
     let (theta_rad, phi_rad) = polar(DVec3::from(direction.map(f64::from)));
-    let row = (theta_rad / shape.theta_max_rad * shape.rows as f64) as usize;
-    let column = (phi_rad / TAU * shape.columns as f64) as usize;
-    map.pixels[row.min(shape.rows - 1) * shape.columns + column.min(shape.columns - 1)]
+    let row = (theta_rad / shape.theta_max_rad() * shape.rows() as f64) as usize;
+    let column = (phi_rad / TAU * shape.columns() as f64) as usize;
+    map.pixels[row.min(shape.rows() - 1) * shape.columns() + column.min(shape.columns() - 1)]
 }

@@ -143,7 +143,7 @@ impl ListError {
     /// Fills in the error and the prefix errors of a list whose lights and reference irradiances stand.
     pub fn measure(&mut self, list: &mut LightList) {
         self.prefix_errors(&list.lights, &list.reference_irradiance, &mut list.prefix_errors);
-        list.error = list.prefix_errors.last().map_or(0.0, |&(_, error)| error);
+        list.error = list.prefix_errors.last().map(|&(_, error)| error);
     }
 
     /// RMS over the normals of the irradiance of `lights` less `reference`, relative to the mean of `reference`

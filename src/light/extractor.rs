@@ -5,20 +5,9 @@ use super::occlusion::OcclusionError;
 use super::refine::Voronoi;
 use super::seeds::{Seeds, dampened_luminance};
 use super::{Light, LightList, MapIrradiance, Options, Sampler};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use lightcast_core::image::{PolarMap, PolarShape, luminance};
 use std::time::Duration;
-
-/// The most lights and pixels that an [`Extractor`] accepts.
-///
-/// Relaxation measures Voronoi cells on 65,536 lattice points; more lights than a quarter of that would have cells of
-/// fewer than four. Site numbers and tables stay far inside u32 and memory for 2^28 pixels (3 GiB of map).
-pub const MAX_LIGHTS: usize = 16_384;
-const MAX_PIXELS: usize = 1 << 28;
-
-/// The narrowest map. Directions are unit vectors in f32, good to 1e-7: in a narrower map they would lie on a raster
-/// of less than ten thousand steps, and far below it the heights of neighbouring rows are the same number.
-const LEAST_THETA_MAX_RAD: f64 = 1e-3;
 
 /// Extracts the lights of one polar map after another.
 #[derive(Clone, Debug)]
@@ -62,24 +51,9 @@ impl Extractor {
     /// Prepares points and tables for maps of one shape.
     ///
     /// # Errors
-    /// Those of [`Options::check`]; `Usage` for a shape without pixels, with too many, narrower than 0.001 rad or not
-    /// within the sphere.
+    /// Those of [`Options::check`].
     pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
         options.check()?;
-        let pixels = shape.columns.checked_mul(shape.rows).filter(|&n| (1..=MAX_PIXELS).contains(&n));
-        if pixels.is_none() {
-            return Err(Error::usage(format!(
-                "a polar map of {} x {} pixels; give 1 to {MAX_PIXELS} pixels in all",
-                shape.columns, shape.rows
-            )));
-        }
-        // NaN lies in no range.
-        if !(LEAST_THETA_MAX_RAD..=std::f64::consts::PI).contains(&shape.theta_max_rad) {
-            return Err(Error::usage(format!(
-                "a polar map down to theta = {:?} rad; give {LEAST_THETA_MAX_RAD} to pi",
-                shape.theta_max_rad
-            )));
-        }
         Ok(Self { shape, method: Method::new(shape, options), map_irradiance: MapIrradiance::new(shape) })
     }
 

@@ -1,9 +1,11 @@
-mod file;
-
-pub use file::{ListFile, MOST_IRRADIANCE, MOST_POWER};
-
 use lightcast_core::image::{Stamp, luminance};
 use serde::{Deserialize, Serialize};
+
+/// The most lights of a list.
+///
+/// Relaxation measures Voronoi cells on 65,536 lattice points; more lights than a quarter of that would have cells of
+/// fewer than four.
+pub const MAX_LIGHTS: usize = 16_384;
 
 /// One directional light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,52 +28,27 @@ impl Light {
 }
 
 /// The product: the lights of one frame, in slot order, with their error.
-///
-/// Serialises to the version 1 JSON object; [`LightList::write_json_line`] writes it as one line.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightList {
-    version: u32,
     /// Time and place in the sequence.
-    #[serde(flatten)]
     pub stamp: Stamp,
     /// Frames by which the filter delays the lights; 0 means that they are not filtered.
     pub filter_delay_frames: u32,
-    unit: &'static str,
-    /// How many of the lights are used, where that is chosen frame by frame; the others have no power, or fade for the length
-    /// of the filter.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// How many of the lights are used, where that is chosen frame by frame; the others have no power, or fade for the
+    /// length of the filter.
     pub chosen_lights: Option<u32>,
     /// RGB sum of the lights; before the filter also the power of the map (for equal-power lights in luminance
     /// only, see the sampler).
     pub power: [f64; 3],
     /// Relative RMS irradiance error over the sphere of normals against the map; after the filter against the
-    /// equally filtered irradiances of the maps.
-    pub error: f32,
+    /// equally filtered irradiances of the maps. `None` until it is measured.
+    pub error: Option<f32>,
     /// The same error of the first `n` lights when the rest has joined them: pairs of `n` and error.
     pub prefix_errors: Vec<(u32, f32)>,
     /// Every slot, also at zero power.
     pub lights: Vec<Light>,
     /// Luminous irradiances of the map at the error estimator's normals: what the error is measured against.
-    /// Not part of the message.
-    #[serde(skip)]
     pub reference_irradiance: Vec<f32>,
-}
-
-impl Default for LightList {
-    fn default() -> Self {
-        Self {
-            version: 1,
-            stamp: Stamp::default(),
-            filter_delay_frames: 0,
-            unit: "relative",
-            chosen_lights: None,
-            power: [0.0; 3],
-            error: 0.0,
-            prefix_errors: Vec::new(),
-            lights: Vec::new(),
-            reference_irradiance: Vec::new(),
-        }
-    }
 }
 
 impl LightList {
@@ -95,55 +72,5 @@ impl LightList {
             }
         }
         sum
-    }
-
-    /// Writes the list as one JSON object.
-    ///
-    /// # Errors
-    /// Those of the writer.
-    pub fn write_json(&self, writer: impl std::io::Write) -> std::io::Result<()> {
-        Ok(serde_json::to_writer(writer, self)?)
-    }
-
-    /// Writes the list as one line of JSON.
-    ///
-    /// # Errors
-    /// Those of the writer.
-    pub fn write_json_line(&self, mut writer: impl std::io::Write) -> std::io::Result<()> {
-        self.write_json(&mut writer)?;
-        writer.write_all(b"\n")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn json_is_the_version_1_contract() {
-        let list = LightList {
-            stamp: Stamp { sequence: 17, capture_time_ns: 680_000_000, lost_before: 0, frame_rate_hz: 25.0 },
-            filter_delay_frames: 4,
-            power: [1.0, 2.0, 3.0],
-            error: 0.0031,
-            prefix_errors: vec![(8, 0.05)],
-            lights: vec![Light {
-                id: 0,
-                direction: [0.0, 1.0, 0.0],
-                irradiance: [1.0, 2.0, 3.0],
-                spread_rad: 0.04,
-            }],
-            reference_irradiance: vec![1.0],
-            ..LightList::default()
-        };
-        let mut line = Vec::new();
-        list.write_json_line(&mut line).unwrap();
-        assert_eq!(
-            String::from_utf8(line).unwrap(),
-            "{\"version\":1,\"sequence\":17,\"capture_time_ns\":680000000,\"lost_before\":0,\"frame_rate_hz\":25.0,\
-             \"filter_delay_frames\":4,\"unit\":\"relative\",\"power\":[1.0,2.0,3.0],\"error\":0.0031,\
-             \"prefix_errors\":[[8,0.05]],\"lights\":[{\"id\":0,\"direction\":[0.0,1.0,0.0],\
-             \"irradiance\":[1.0,2.0,3.0],\"spread_rad\":0.04}]}\n"
-        );
     }
 }

@@ -36,9 +36,9 @@ impl Emitters {
     /// One emitter per map pixel.
     pub fn from_map(map: &PolarMap) -> Self {
         let mut emitters = Self::default();
-        for row in 0..map.shape.rows {
+        for row in 0..map.shape.rows() {
             let solid_angle = map.shape.pixel_solid_angle(row);
-            for column in 0..map.shape.columns {
+            for column in 0..map.shape.columns() {
                 let luminance = f64::from(map.luminance(row, column));
                 emitters.push(map.shape.pixel_direction(row, column), luminance * solid_angle);
             }

@@ -73,20 +73,21 @@ struct Candidate {
 impl NearestSites {
     /// Tables for maps of a shape and at most `site_count` sites; nothing is allocated later.
     pub fn new(shape: PolarShape, site_count: usize) -> Self {
-        let padded = shape.columns.next_multiple_of(LANES);
-        let phi = |column: usize| TAU * (column.min(shape.columns - 1) as f64 + 0.5) / shape.columns as f64;
-        let theta = |row: usize| shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64;
+        let padded = shape.columns().next_multiple_of(LANES);
+        let phi =
+            |column: usize| TAU * (column.min(shape.columns() - 1) as f64 + 0.5) / shape.columns() as f64;
+        let theta = |row: usize| shape.theta_max_rad() * (row as f64 + 0.5) / shape.rows() as f64;
         let capacity = site_count.next_multiple_of(LANES);
         let scratch = || Vec::with_capacity(capacity);
         Self {
             shape,
             blocks: blocks(shape, padded),
             tables: Tables {
-                columns: shape.columns,
+                columns: shape.columns(),
                 cos_phi: (0..padded).map(|c| phi(c).cos() as f32).collect(),
                 sin_phi: (0..padded).map(|c| phi(c).sin() as f32).collect(),
-                sin_theta: (0..shape.rows).map(|r| theta(r).sin() as f32).collect(),
-                cos_theta: (0..shape.rows).map(|r| theta(r).cos() as f32).collect(),
+                sin_theta: (0..shape.rows()).map(|r| theta(r).sin() as f32).collect(),
+                cos_theta: (0..shape.rows()).map(|r| theta(r).cos() as f32).collect(),
             },
             sites: Sites { x: scratch(), y: scratch(), z: scratch(), margin: scratch() },
             candidates: Vec::with_capacity(site_count),
@@ -101,7 +102,7 @@ impl NearestSites {
     pub fn assign(&mut self, sites: &[[f32; 3]], nearest: &mut [u32]) {
         assert!(!sites.is_empty() && nearest.len() == self.shape.len(), "sites, and a slot for each pixel");
         self.sites.load(sites);
-        let columns = self.shape.columns;
+        let columns = self.shape.columns();
         for block in &self.blocks {
             self.candidates.clear();
             self.sites.margins(block.centre, block.sin_radius);
@@ -128,18 +129,18 @@ fn lanes(values: &[f32]) -> &[f32; LANES] {
 
 /// Blocks that tile the map.
 fn blocks(shape: PolarShape, padded: usize) -> Vec<Block> {
-    let row_height = shape.theta_max_rad / shape.rows as f64;
-    let height = ((BLOCK_SIZE_RAD / row_height).round() as usize).clamp(1, shape.rows);
+    let row_height = shape.theta_max_rad() / shape.rows() as f64;
+    let height = ((BLOCK_SIZE_RAD / row_height).round() as usize).clamp(1, shape.rows());
     let mut blocks = Vec::new();
-    for first in (0..shape.rows).step_by(height) {
-        let rows = first..(first + height).min(shape.rows);
+    for first in (0..shape.rows()).step_by(height) {
+        let rows = first..(first + height).min(shape.rows());
         let middle = 0.5 * (shape.theta_edge_rad(rows.start) + shape.theta_edge_rad(rows.end));
-        let step = middle.sin() * TAU / shape.columns as f64;
+        let step = middle.sin() * TAU / shape.columns() as f64;
         let width = ((BLOCK_SIZE_RAD / step).min(padded as f64) as usize).next_multiple_of(LANES).max(LANES);
         for first in (0..padded).step_by(width) {
             let columns = first..(first + width).min(padded);
-            let end = columns.end.min(shape.columns);
-            let phi = TAU * 0.5 * (columns.start + end) as f64 / shape.columns as f64;
+            let end = columns.end.min(shape.columns());
+            let phi = TAU * 0.5 * (columns.start + end) as f64 / shape.columns() as f64;
             let centre = lightcast_core::math::direction(middle, phi);
             let mut radius = 0f64;
             for row in rows.clone() {
@@ -261,8 +262,8 @@ mod tests {
     /// Every site against every pixel, with the arithmetic of [`compare`].
     fn assign_slowly(tables: &NearestSites, sites: &[[f32; 3]]) -> Vec<u32> {
         let mut nearest = Vec::new();
-        for row in 0..tables.shape.rows {
-            for column in 0..tables.shape.columns {
+        for row in 0..tables.shape.rows() {
+            for column in 0..tables.shape.columns() {
                 let px = tables.tables.sin_theta[row] * tables.tables.cos_phi[column];
                 let pz = tables.tables.sin_theta[row] * tables.tables.sin_phi[column];
                 let mut best = (f32::NEG_INFINITY, 0);
@@ -308,12 +309,12 @@ mod tests {
         for shape in [
             PolarShape::hemisphere(360, 90),
             PolarShape::sphere(90, 45),
-            PolarShape { columns: 128, rows: 40, theta_max_rad: 1.92 },
+            PolarShape::new(128, 40, 1.92).unwrap(),
             PolarShape::hemisphere(1, 1),
             PolarShape::sphere(1, 1),
             PolarShape::sphere(3, 2),
             PolarShape::hemisphere(17, 200),
-            PolarShape { columns: 400, rows: 3, theta_max_rad: 0.01 },
+            PolarShape::new(400, 3, 0.01).unwrap(),
         ] {
             for (case, sites) in site_sets() {
                 let mut tables = NearestSites::new(shape, sites.len());

@@ -112,8 +112,8 @@ mod tests {
         let (mut of_map, mut of_lights) = (Vec::new(), Vec::new());
         for normal in fibonacci_sphere(NORMAL_COUNT) {
             let mut sum = 0.0;
-            for row in 0..map.shape.rows {
-                for column in 0..map.shape.columns {
+            for row in 0..map.shape.rows() {
+                for column in 0..map.shape.columns() {
                     let flux = f64::from(map.luminance(row, column)) * map.shape.pixel_solid_angle(row);
                     sum += flux * in_front(normal, map.shape.pixel_direction(row, column), 0.0);
                 }

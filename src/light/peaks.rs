@@ -77,7 +77,7 @@ impl<'a> Rest<'a> {
     /// A row's pixels.
     pub(super) fn row(&self, row: usize) -> &'a [[f32; 3]] {
         let pixels = if self.is_dimmed[row] { self.dimmed } else { &self.map.pixels };
-        let columns = self.map.shape.columns;
+        let columns = self.map.shape.columns();
         &pixels[row * columns..(row + 1) * columns]
     }
 
@@ -86,7 +86,7 @@ impl<'a> Rest<'a> {
         if !self.is_dimmed.contains(&true) {
             return Cow::Borrowed(self.map);
         }
-        let rows: Vec<_> = (0..self.map.shape.rows).map(|row| self.row(row)).collect();
+        let rows: Vec<_> = (0..self.map.shape.rows()).map(|row| self.row(row)).collect();
         Cow::Owned(PolarMap { pixels: rows.concat(), ..*self.map })
     }
 }
@@ -110,7 +110,7 @@ impl Peaks {
             shape,
             light_count,
             most,
-            largest: vec![0.0; shape.rows * shape.columns.div_ceil(STRETCH)],
+            largest: vec![0.0; shape.rows() * shape.columns().div_ceil(STRETCH)],
             is_open: vec![false; shape.len()],
             // As much as any map can need: nothing is allocated later.
             opened: Vec::with_capacity(shape.len()),
@@ -118,7 +118,7 @@ impl Peaks {
             members: Vec::with_capacity(shape.len()),
             found: Vec::with_capacity(most + 1),
             dimmed: vec![[0.0; 3]; shape.len()],
-            is_dimmed: vec![false; shape.rows],
+            is_dimmed: vec![false; shape.rows()],
         }
     }
 
@@ -153,7 +153,7 @@ impl Peaks {
     /// Luminous power and mean luminance; notes the largest values of all stretches.
     fn power_and_mean(&mut self, map: &PolarMap) -> (f64, f64) {
         let (mut power, mut solid_angle) = (0.0, 0.0);
-        let columns = self.shape.columns;
+        let columns = self.shape.columns();
         let rows = map.pixels.chunks_exact(columns);
         for (row, (pixels, largest)) in
             rows.zip(self.largest.chunks_exact_mut(columns.div_ceil(STRETCH))).enumerate()
@@ -172,7 +172,7 @@ impl Peaks {
             self.is_open[index] = false;
         }
         let mut excess = 0.0;
-        let columns = self.shape.columns;
+        let columns = self.shape.columns();
         let stretches = columns.div_ceil(STRETCH);
         for (row, largest) in self.largest.chunks_exact(stretches).enumerate() {
             let mut above = 0.0;
@@ -198,7 +198,7 @@ impl Peaks {
 
     /// Takes what the peaks have above the limit out of copies of their rows.
     fn dim(&mut self, map: &PolarMap, limit: f64) {
-        let columns = self.shape.columns;
+        let columns = self.shape.columns();
         for peak in &self.found {
             for &index in &self.members[peak.members.clone()] {
                 let row = index / columns;
@@ -283,7 +283,7 @@ pub(super) fn is_a_step(a: DVec3, b: DVec3) -> bool {
 
 /// What a pixel has above the limit.
 fn excess_of(map: &PolarMap, index: usize, limit: f64) -> Share {
-    let (row, column) = (index / map.shape.columns, index % map.shape.columns);
+    let (row, column) = (index / map.shape.columns(), index % map.shape.columns());
     let rgb = map.pixels[index].map(f64::from);
     let luminance = luminance_f64(rgb);
     let solid_angle = map.shape.pixel_solid_angle(row);

@@ -91,7 +91,7 @@ impl Voronoi {
     /// Writes the light of the cell of every site: its RGB flux (the sum over all lights is that of the map), its
     /// flux-weighted mean direction and its spread. The light of an empty cell has no power and the site's direction.
     pub fn refine(&mut self, map: &PolarMap, sites: &[[f32; 3]], lights: &mut Vec<Light>) {
-        let columns = map.shape.columns;
+        let columns = map.shape.columns();
         let row = |row: usize| &map.pixels[row * columns..(row + 1) * columns];
         let cells = self.sum(sites, row).iter().zip(sites).enumerate();
         lights.clear();
@@ -108,9 +108,9 @@ impl Voronoi {
         self.shares.clear();
         self.shares.resize(sites.len(), Share::default());
         let shape = self.shape;
-        for (row, nearest) in self.nearest.chunks_exact(shape.columns).enumerate() {
+        for (row, nearest) in self.nearest.chunks_exact(shape.columns()).enumerate() {
             let pixels = pixels(row);
-            let theta_rad = shape.theta_max_rad * (row as f64 + 0.5) / shape.rows as f64;
+            let theta_rad = shape.theta_max_rad() * (row as f64 + 0.5) / shape.rows() as f64;
             let (sin_theta, cos_theta) = theta_rad.sin_cos();
             let solid_angle = shape.pixel_solid_angle(row);
             let mut start = 0;

@@ -15,10 +15,10 @@ pub(super) struct Seeds {
 impl Seeds {
     /// `count` points after so many steps of relaxation, for maps of one shape.
     pub(super) fn new(shape: PolarShape, count: usize, relaxation_steps: usize) -> Self {
-        let centres: Vec<f64> = (0..shape.rows).map(|row| shape.height(row as f64 + 0.5)).collect();
+        let centres: Vec<f64> = (0..shape.rows()).map(|row| shape.height(row as f64 + 0.5)).collect();
         Self {
             points: sample_points(count, relaxation_steps),
-            distribution: Bicontinuous::new(shape.columns, &centres, shape.height(shape.rows as f64)),
+            distribution: Bicontinuous::new(shape.columns(), &centres, shape.height(shape.rows() as f64)),
             importance: vec![0.0; shape.len()],
         }
     }

@@ -5,14 +5,15 @@ use axum::http::header::{AUTHORIZATION, HOST, ORIGIN, SEC_WEBSOCKET_PROTOCOL};
 use axum::http::{HeaderMap, StatusCode};
 use std::net::IpAddr;
 
-/// What a browser puts in front of a token where it names the subprotocols of a WebSocket, the one place where it lets a
-/// page put anything.
+/// What a browser puts in front of a token where it names the subprotocols of a WebSocket, the one place
+/// where it lets a page put anything.
 const TOKEN_PROTOCOL: &str = "lightcast.token.";
 
 /// Why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
-    /// It was sent to another name than the server's: a page has made its own name point here (DNS rebinding).
+    /// It was sent to another name than the server's: a page has made its own name point here (DNS
+    /// rebinding).
     Host,
     /// A page of somebody else sent it.
     Origin,
@@ -56,14 +57,16 @@ impl Names {
         Self { host: name_of(address).to_owned(), is_loopback }
     }
 
-    /// Addresses are nobody's to give away; names are, so that one may point here that another's page is loaded from.
+    /// Addresses are nobody's to give away; names are, so that one may point here that another's page is
+    /// loaded from.
     fn have(&self, name: &str) -> bool {
         let number = name.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(name);
         name == "localhost" || name.eq_ignore_ascii_case(&self.host) || number.parse::<IpAddr>().is_ok()
     }
 }
 
-/// Checks a request. A server that is for this machine only, or that asks for no token, must be called by a name of its own.
+/// Checks a request. A server that is for this machine only, or that asks for no token, must be called by a
+/// name of its own.
 pub(super) fn check(
     headers: &HeaderMap,
     options: &ServerOptions,

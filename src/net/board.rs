@@ -3,7 +3,7 @@ use crate::error::Result;
 use crate::light::error::ListError;
 use crate::light::{LightList, Prefixes};
 use crate::rt::{CaptureEpoch, Metrics};
-use crate::wire::{QUEUE_MAX, Subscription, binary};
+use crate::wire::{QUEUE_MAX, Subscription, binary, write_list};
 use axum::body::Bytes;
 use lightcast_core::image::PolarMap;
 use std::collections::VecDeque;
@@ -183,14 +183,16 @@ impl Shortener {
         short.chosen_lights = short.chosen_lights.map(|chosen| chosen.min(count as u32));
         short.prefix_errors.clear();
         short.prefix_errors.extend(list.prefix_errors.iter().filter(|(length, _)| *length as usize <= count));
-        short.error = match short.prefix_errors.last() {
-            Some(&(length, error)) if length as usize == count => error,
-            _ => {
+        let known = short.prefix_errors.last().filter(|(length, _)| *length as usize == count);
+        let error = match known {
+            Some(&(_, error)) => error,
+            None => {
                 let error = self.error.relative_error(&short.lights, &list.reference_irradiance);
                 short.prefix_errors.push((count as u32, error));
                 error
             }
         };
+        short.error = Some(error);
         short
     }
 }
@@ -199,7 +201,7 @@ fn encode(list: &LightList, is_binary: bool, body: &mut Vec<u8>) -> Result<()> {
     if is_binary {
         return binary::encode_list(list, body);
     }
-    list.write_json(body)
+    write_list(list, body)
         .map_err(|error| crate::error::Error::failed("cannot be put into JSON").because(error))
 }
 
@@ -260,7 +262,7 @@ mod tests {
         let more = Subscription { lights: Some(5000), ..all };
         assert_eq!(body.as_ptr(), board.body(&post, &more, false).unwrap().as_ptr());
         let mut line = Vec::new();
-        whole.write_json(&mut line).unwrap();
+        write_list(&whole, &mut line).unwrap();
         assert_eq!(body, line);
     }
 
@@ -276,9 +278,9 @@ mod tests {
                 assert_eq!(short.lights.len(), count as usize);
                 assert_eq!(short.power, whole.power, "to the last bit");
                 assert!(short.prefix_errors.iter().all(|&(length, _)| length <= count));
-                assert_eq!(short.prefix_errors.last(), Some(&(count, short.error)));
+                assert_eq!(short.prefix_errors.last(), Some(&(count, short.error.unwrap())));
                 let published = whole.prefix_errors.iter().find(|&&(length, _)| length == count);
-                assert!(published.is_none_or(|&(_, error)| error == short.error), "{count}");
+                assert!(published.is_none_or(|&(_, error)| Some(error) == short.error), "{count}");
                 // Every light is rounded once, to f32 or to 1/1024 of an octave.
                 let tolerance = if is_binary { 4e-4 } else { 1e-6 };
                 for (sum, power) in short.sum_of_lights().into_iter().zip(whole.power) {

@@ -1,6 +1,6 @@
 use super::Token;
 use crate::error::{Error, Result};
-use crate::rt::{Counter, Metrics, Shutdown, Threads, monotonic_ns};
+use crate::rt::{BackOff, Counter, Metrics, Shutdown, Threads, monotonic_ns};
 use crate::wire::{self, MESSAGE_MAX_BYTES, Message, Subscription, binary, json};
 use axum::http::header::{AUTHORIZATION, SEC_WEBSOCKET_PROTOCOL};
 use axum::http::{HeaderValue, StatusCode, Uri};
@@ -116,7 +116,7 @@ impl Client {
                 options,
                 deliver,
                 message: Message::default(),
-                attempts: 0,
+                attempts: BackOff::new(FIRST_WAIT, LONGEST_WAIT),
                 metrics,
             };
             runtime.block_on(async {
@@ -146,7 +146,7 @@ struct Connection<D> {
     /// The last message.
     message: Message,
     /// Attempts to connect since the last list.
-    attempts: u32,
+    attempts: BackOff,
     metrics: Arc<Metrics>,
     bytes: Counter,
     reconnects: Counter,
@@ -178,17 +178,14 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                 End::Enough => return Ok(()),
                 End::Failed(error) => return Err(error),
                 End::Lost(reason) => {
-                    self.attempts = self.attempts.saturating_add(1);
-                    let attempts = self.attempts;
-                    // The first, second, fourth, eighth... time: a server that is away for days does not fill the log.
-                    if attempts.is_power_of_two() {
+                    self.attempts.attempt();
+                    if self.attempts.is_worth_telling() {
+                        let attempts = self.attempts.attempts();
                         tracing::warn!("{}: {reason}; trying again (attempt {attempts})", self.options.uri);
                     }
-                    let doublings = attempts.saturating_sub(1).min(16);
-                    let wait = FIRST_WAIT.saturating_mul(1 << doublings).min(LONGEST_WAIT);
                     // Clients that a server has lost together do not all come back in one moment.
                     let chance = (monotonic_ns() / 1000 % 1000) as f64 * 1e-3;
-                    sleep(wait.mul_f64(0.5 + 0.5 * chance)).await;
+                    sleep(self.attempts.wait().mul_f64(0.5 + 0.5 * chance)).await;
                 }
             }
         }
@@ -227,7 +224,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
     async fn receive(&mut self, mut socket: Socket) -> Result<std::convert::Infallible, End> {
         let mut ask = interval(ASK_EVERY);
         ask.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut heard = Instant::now();
+        let mut last_activity = Instant::now();
         loop {
             tokio::select! {
                 received = socket.next() => {
@@ -242,10 +239,10 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                         None => return Err(End::Lost("the server has gone".to_owned())),
                     }
                     // Whoever takes the lists may have taken their time.
-                    heard = Instant::now();
+                    last_activity = Instant::now();
                 }
                 _ = ask.tick() => {
-                    if heard.elapsed() >= SILENCE_MAX {
+                    if last_activity.elapsed() >= SILENCE_MAX {
                         return Err(End::Lost(format!("silent for {} s", SILENCE_MAX.as_secs())));
                     }
                     let ping = socket.send(SocketMessage::Ping(Bytes::new()));
@@ -281,7 +278,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
         self.metrics.frames.add(1);
         self.metrics.drops.add(self.message.delivery.lost);
         self.bytes.add(message.len() as u64);
-        self.attempts = 0;
+        self.attempts.succeeded();
         match (self.deliver)(&self.message) {
             Ok(true) => Ok(()),
             Ok(false) => Err(End::Enough),
@@ -326,9 +323,15 @@ mod tests {
     fn a_request_carries_what_is_wanted_and_hides_the_token() {
         let mut options = ClientOptions::new("localhost:7300").unwrap();
         options.subscription = Subscription { lights: Some(8), queue: 3, ..Subscription::default() };
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(&file, "secret-0123456789").unwrap();
+        options.token = Some(Token::load(file.path()).unwrap());
         let request = options.request().unwrap();
         assert_eq!(request.uri(), "ws://localhost:7300/ws?lights=8&queue=3");
         assert_eq!(request.headers()[SEC_WEBSOCKET_PROTOCOL], wire::BINARY);
-        assert!(!format!("{options:?}").contains("secret"));
+        assert_eq!(request.headers()[AUTHORIZATION], "Bearer secret-0123456789");
+        for shown in [format!("{options:?}"), format!("{request:?}")] {
+            assert!(!shown.contains("secret"), "{shown}");
+        }
     }
 }

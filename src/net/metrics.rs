@@ -50,7 +50,7 @@ impl Collector for Figures {
         counters(
             &mut encoder,
             "stage_drops",
-            "Items that were overwritten before the stage could take them",
+            "Items that the stage was too slow for",
             stages.iter().map(|stage| ([("stage", stage.name())], stage.drops.get())),
         )?;
         counters(
@@ -96,7 +96,9 @@ impl Collector for Figures {
             [(none, list.stamp.sequence as f64)],
         )?;
         gauges(&mut encoder, "list_lights", "Lights of the newest list", [(none, list.lights.len() as f64)])?;
-        gauges(&mut encoder, "list_error", "Error of the newest list", [(none, f64::from(list.error))])?;
+        if let Some(error) = list.error {
+            gauges(&mut encoder, "list_error", "Error of the newest list", [(none, f64::from(error))])?;
+        }
         let channels = ["red", "green", "blue"].into_iter().zip(list.power);
         gauges(
             &mut encoder,

@@ -18,8 +18,8 @@ pub struct ServerOptions {
     pub origins: Vec<String>,
     /// Most clients at a time that lists are streamed to.
     pub clients_max: usize,
-    /// A client that takes nothing and says nothing for so long is disconnected; one that is silent for half of it is
-    /// asked whether it is there.
+    /// A client that takes nothing and says nothing for so long is disconnected; one that is silent for half
+    /// of it is asked whether it is there.
     pub patience: Duration,
 }
 
@@ -37,8 +37,8 @@ impl Token {
     /// Reads the first line of a file.
     ///
     /// # Errors
-    /// Kind `Usage`, naming the file: it cannot be read; the line has less than 16 or more than 1024 characters, or
-    /// others than letters, digits and `-._~`, which all places that carry a token let pass.
+    /// Kind `Usage`, naming the file: it cannot be read; the line has less than 16 or more than 1024
+    /// characters, or others than letters, digits and `-._~`, which all places that carry a token let pass.
     pub fn load(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|error| {
             Error::usage("the file with the token cannot be read").because(error).at(path.display())

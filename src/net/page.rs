@@ -1,4 +1,5 @@
-//! The page at `/`: files that are compiled in, with the JavaScript client that it uses. Nobody needs a token for them.
+//! The page at `/`: files that are compiled in, with the JavaScript client that it uses. Nobody needs a token
+//! for them.
 
 use axum::Router;
 use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE, REFERRER_POLICY};

@@ -61,7 +61,8 @@ async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, nex
     let is_upgrade = response.status() == StatusCode::SWITCHING_PROTOCOLS;
     let headers = response.headers_mut();
     if !is_upgrade {
-        // A page asks for maps again and again: with its connections kept, few pages would take all places.
+        // A page asks for maps again and again: with its connections kept, few pages would take all
+        // connection slots.
         headers.insert(CONNECTION, HeaderValue::from_static("close"));
     }
     headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
@@ -120,9 +121,9 @@ async fn stream(
     };
     let phase = shared.phase();
     let options = shared.options();
-    let Some(place) = shared.admit(options.clients_max) else {
+    let Some(slot) = shared.admit(options.clients_max) else {
         shared.counters.refused.add(1);
-        return refused(StatusCode::SERVICE_UNAVAILABLE, "all places are taken; try again later");
+        return refused(StatusCode::SERVICE_UNAVAILABLE, "all connection slots are taken; try again later");
     };
     upgrade
         .max_message_size(wire::DEMAND_MAX_BYTES)
@@ -132,7 +133,7 @@ async fn stream(
         .on_upgrade(move |socket| async move {
             let session = Session::new(socket, &shared, phase, subscription, is_binary, options.patience);
             session.run(peer).await;
-            drop(place);
+            drop(slot);
         })
 }
 
@@ -158,8 +159,9 @@ async fn map_exr(State(shared): State<Arc<Shared>>) -> Response {
     map(&shared, 1, "image/x-exr", encode_map_exr).await
 }
 
-/// The newest map as a file. Encoding takes milliseconds: it is done once for all who ask for the same map, one at a
-/// time, and beside the thread that streams. It goes on when its client has gone, and so does the turn of the next.
+/// The newest map as a file. Encoding takes milliseconds: it is done once for all who ask for the same map,
+/// one at a time, and beside the thread that streams. It goes on when its client has gone, and so does the
+/// turn of the next.
 async fn map(
     shared: &Arc<Shared>,
     kept: usize,
@@ -176,7 +178,7 @@ async fn map(
             *kept = Some(EncodedMap {
                 number,
                 sequence: map.stamp.sequence,
-                theta_max_rad: map.shape.theta_max_rad,
+                theta_max_rad: map.shape.theta_max_rad(),
                 bytes: encode(&map)?.into(),
             });
         }

@@ -20,14 +20,15 @@ use tokio::runtime;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::{sleep, timeout};
 
-/// Bytes that the kernel keeps for a client that does not take them. More would only be older lists for the client to
-/// read before it comes to the newest: this holds some 15 lists of 300 lights as bytes.
+/// Bytes that the kernel keeps for a client that does not take them. More would only be older lists for the
+/// client to read before it comes to the newest: this holds some 15 lists of 300 lights as bytes.
 const SEND_BUFFER_BYTES: usize = 1 << 16;
 /// Connections for requests beside those that lists are streamed over.
 const REQUESTS_MAX: usize = 64;
 /// Longest time for the head of a request.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
-/// Longest life of a connection for requests: a client that reads an answer byte by byte does not hold it for ever.
+/// Longest life of a connection for requests: a client that reads an answer byte by byte does not hold it for
+/// ever.
 const CONNECTION_WITHIN: Duration = Duration::from_secs(120);
 /// Longest time that clients have in the end to take what is left.
 const END_WITHIN: Duration = Duration::from_secs(2);
@@ -77,8 +78,8 @@ pub(super) struct Counters {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peer(pub SocketAddr);
 
-/// A place among the clients; free again when dropped.
-pub(super) struct Place(Arc<Shared>);
+/// The connection slot of a client; free again when dropped.
+pub(super) struct ConnectionSlot(Arc<Shared>);
 
 impl Server {
     /// Listens on `address`, HOST:PORT (port 0: any), at once.
@@ -188,7 +189,8 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
     let connections = Arc::new(Semaphore::new(REQUESTS_MAX));
     let mut phase = shared.phase();
     loop {
-        // With all places taken, the others wait in the kernel until a connection ends or its time is up.
+        // With all connection slots taken, the others wait in the kernel until a connection ends or its time
+        // is up.
         let permit = tokio::select! {
             permit = connections.clone().acquire_owned() => permit.expect("nobody closes the semaphore"),
             _ = phase.wait_for(|phase| *phase == Phase::Ending) => break,
@@ -219,7 +221,8 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
     Ok(())
 }
 
-/// Answers the requests of one connection. One that becomes a stream of lists leaves it, and its permit, behind.
+/// Answers the requests of one connection. One that becomes a stream of lists leaves it, and its permit,
+/// behind.
 async fn connection(
     stream: TcpStream,
     peer: Peer,
@@ -255,12 +258,12 @@ impl Shared {
         self.clients.load(Ordering::Acquire) as u64
     }
 
-    /// A place for a client, if fewer than `most` are taken.
-    pub fn admit(self: &Arc<Self>, most: usize) -> Option<Place> {
+    /// A connection slot for a client, if fewer than `most` are taken.
+    pub fn admit(self: &Arc<Self>, most: usize) -> Option<ConnectionSlot> {
         self.clients
             .fetch_update(Ordering::AcqRel, Ordering::Acquire, |count| (count < most).then_some(count + 1))
             .ok()
-            .map(|_| Place(self.clone()))
+            .map(|_| ConnectionSlot(self.clone()))
     }
 }
 
@@ -270,7 +273,7 @@ impl std::fmt::Debug for Shared {
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
         self.0.clients.fetch_sub(1, Ordering::AcqRel);
     }

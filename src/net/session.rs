@@ -30,8 +30,9 @@ pub(super) struct Session {
     turn: Turn,
     is_binary: bool,
     patience: Duration,
-    /// When the client last showed that it is there: by a message, a pong at least, or by taking what had waited for it.
-    heard: Instant,
+    /// When the client last showed that it is there: by a message, a pong at least, or by taking what had
+    /// waited for it.
+    last_activity: Instant,
     /// Messages that it might send at the time that goes with it.
     allowance: (f64, Instant),
     /// Lists so far.
@@ -78,7 +79,7 @@ impl Session {
             turn: Turn::new(subscription, first),
             is_binary,
             patience,
-            heard: Instant::now(),
+            last_activity: Instant::now(),
             allowance: (BURST, Instant::now()),
             sent: 0,
             lost: 0,
@@ -96,8 +97,9 @@ impl Session {
         if let End::Close(code, reason) = end {
             let close = CloseFrame { code, reason: Utf8Bytes::from_static(reason) };
             let _ = timeout(FAREWELL, self.socket.send(Message::Close(Some(close)))).await;
-            // Until the client has closed its end: what it does not take before the connection goes would be lost. After
-            // what was no frame nothing can be read, and a client far away may see the connection break and no reason.
+            // Until the client has closed its end: what it does not take before the connection goes would be
+            // lost. After what was no frame nothing can be read, and a client far away may see the connection
+            // break and no reason.
             let _ = timeout(FAREWELL, async { while let Some(Ok(_)) = self.socket.recv().await {} }).await;
         }
     }
@@ -115,7 +117,7 @@ impl Session {
                 biased;
                 received = self.socket.recv() => {
                     match received {
-                        Some(Ok(message)) => self.hear(message).await?,
+                        Some(Ok(message)) => self.receive(message).await?,
                         Some(Err(error)) => return Err(end_of(error)),
                         None => return Err(End::Gone),
                     }
@@ -131,7 +133,7 @@ impl Session {
                 }
                 _ = glance.tick() => self.ask().await?,
                 _ = posts.changed() => {
-                    // One at a time, so that the client is heard between two.
+                    // One at a time, so that messages of the client are received between two.
                     if self.send_next().await? {
                         posts.mark_changed();
                     }
@@ -176,7 +178,7 @@ impl Session {
             Ok(Ok(())) => {
                 // Less than this may be the kernel's buffers alone.
                 if started.elapsed() >= WAITED {
-                    self.heard = Instant::now();
+                    self.last_activity = Instant::now();
                 }
                 Ok(())
             }
@@ -192,9 +194,9 @@ impl Session {
         self.send(Message::Text(answer.to_string().into())).await
     }
 
-    async fn hear(&mut self, message: Message) -> Result<(), End> {
+    async fn receive(&mut self, message: Message) -> Result<(), End> {
         let now = Instant::now();
-        self.heard = now;
+        self.last_activity = now;
         let (before, then) = self.allowance;
         let since_s = now.duration_since(then).as_secs_f64();
         let allowance = (before + since_s * MESSAGES_PER_SECOND).min(BURST) - 1.0;
@@ -223,9 +225,10 @@ impl Session {
         }
     }
 
-    /// Asks a client that is silent whether it is there; gives one up that has not said anything for too long.
+    /// Asks a client that is silent whether it is there; gives one up that has not said anything for too
+    /// long.
     async fn ask(&mut self) -> Result<(), End> {
-        let silence = self.heard.elapsed();
+        let silence = self.last_activity.elapsed();
         if silence >= self.patience {
             self.shared.counters.silent.add(1);
             return Err(End::Silent);

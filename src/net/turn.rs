@@ -31,8 +31,8 @@ impl Turn {
         self.due_ns = None;
     }
 
-    /// The next post of `posts` (their numbers are consecutive) that is due, and how many lists that were due before it
-    /// are lost; `None`: all that is due was had.
+    /// The next post of `posts` (their numbers are consecutive) that is due, and how many lists that were due
+    /// before it are lost; `None`: all that is due was had.
     pub fn next(&mut self, posts: &VecDeque<Arc<Post>>) -> Option<(Arc<Post>, u64)> {
         let oldest = posts.front()?;
         let end = oldest.number + posts.len() as u64;
@@ -63,7 +63,8 @@ impl Turn {
         Some((post.clone(), lost))
     }
 
-    /// Lists that were due and are no longer among the posts: as many as their rate against the frame rate lets expect.
+    /// Lists that were due and are no longer among the posts: as many as their rate against the frame rate
+    /// lets expect.
     fn lost_unseen(&self, oldest: &Post) -> u64 {
         let unseen = oldest.number.saturating_sub(self.next_number);
         let frame_rate_hz = oldest.list.stamp.frame_rate_hz;

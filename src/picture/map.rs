@@ -79,18 +79,18 @@ impl MapBackground {
     /// A picture `width` pixels wide, at least 1; its height follows the map.
     pub fn new(map: &PolarMap, width: usize) -> Self {
         let shape = map.shape;
-        let view = View::of(shape.theta_max_rad, width.max(1));
+        let view = View::of(shape.theta_max_rad(), width.max(1));
         let tone = ToneCurve::for_pixels(&map.pixels);
         let (width, height) = view.size();
         let canvas = Canvas::from_fn(width, height, |x, y| {
             let Some((theta, phi)) = view.angles(x as f64 + 0.5, y as f64 + 0.5) else {
                 return [24; 3];
             };
-            let row = ((theta * shape.rows as f64) as usize).min(shape.rows - 1);
-            let column = ((phi / TAU * shape.columns as f64) as usize).min(shape.columns - 1);
-            tone.apply(map.pixels[row * shape.columns + column])
+            let row = ((theta * shape.rows() as f64) as usize).min(shape.rows() - 1);
+            let column = ((phi / TAU * shape.columns() as f64) as usize).min(shape.columns() - 1);
+            tone.apply(map.pixels[row * shape.columns() + column])
         });
-        Self { canvas, view, theta_max_rad: shape.theta_max_rad }
+        Self { canvas, view, theta_max_rad: shape.theta_max_rad() }
     }
 
     /// Its width in pixels.
@@ -125,7 +125,7 @@ impl MapBackground {
 pub fn encode_map_png(map: &PolarMap) -> Result<Vec<u8>> {
     let tone = ToneCurve::for_pixels(&map.pixels);
     let bytes: Vec<u8> = map.pixels.iter().flat_map(|&pixel| tone.apply(pixel)).collect();
-    encode_png8(map.shape.columns, map.shape.rows, &bytes)
+    encode_png8(map.shape.columns(), map.shape.rows(), &bytes)
 }
 
 /// The tone-mapped map with a ring for every light, its area in proportion to the light's share of the power.
@@ -142,11 +142,11 @@ mod tests {
     #[test]
     fn a_light_is_drawn_where_its_pixel_is() {
         for shape in [PolarShape::hemisphere(36, 9), PolarShape::sphere(36, 18)] {
-            let view = View::of(shape.theta_max_rad, SIZE);
+            let view = View::of(shape.theta_max_rad(), SIZE);
             for (theta, phi) in [(0.3, 1.0), (1.2, 4.0), (1.5, 6.2)] {
-                let (x, y) = view.position(theta / shape.theta_max_rad, phi);
+                let (x, y) = view.position(theta / shape.theta_max_rad(), phi);
                 let (t, p) = view.angles(x, y).unwrap();
-                assert!((t * shape.theta_max_rad - theta).abs() < 1e-9 && (p - phi).abs() < 1e-9);
+                assert!((t * shape.theta_max_rad() - theta).abs() < 1e-9 && (p - phi).abs() < 1e-9);
                 let light = Light {
                     id: 0,
                     direction: direction(theta, phi).as_vec3().to_array(),

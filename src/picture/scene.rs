@@ -42,7 +42,7 @@ impl Emitters {
 
     fn of_map(map: &PolarMap) -> Self {
         let pixels = map.pixels.iter().enumerate().map(|(i, pixel)| {
-            let (row, column) = (i / map.shape.columns, i % map.shape.columns);
+            let (row, column) = (i / map.shape.columns(), i % map.shape.columns());
             let solid_angle = map.shape.pixel_solid_angle(row) as f32;
             (map.shape.pixel_direction(row, column).as_vec3(), pixel.map(|radiance| radiance * solid_angle))
         });
@@ -179,7 +179,7 @@ impl Camera {
 /// Both halves share one tone curve and a dim backdrop of the map's mean colour: the camera sees no sky.
 pub fn draw_scene(map: &PolarMap, lights: &[Light]) -> Canvas {
     let power = map.power();
-    let extent = zone_solid_angle(0.0, map.shape.theta_max_rad, 1.0);
+    let extent = zone_solid_angle(0.0, map.shape.theta_max_rad(), 1.0);
     let backdrop = power.map(|power| (BACKDROP * power / extent) as f32);
     let (patches, backdrop_shares) = patches();
     let halves = [Emitters::of_lights(lights), Emitters::of_map(map)].map(|emitters| {

@@ -3,7 +3,7 @@ use lightcast_core::image::PolarMap;
 
 /// Every pixel of a map that has power as a light of its own: what a reference picture is lit by.
 pub fn emitters(map: &PolarMap) -> Vec<Light> {
-    let columns = map.shape.columns;
+    let columns = map.shape.columns();
     let lit = map.pixels.iter().enumerate().filter(|(_, pixel)| pixel.iter().any(|&v| v > 0.0));
     lit.map(|(index, pixel)| {
         let (row, column) = (index / columns, index % columns);

@@ -202,7 +202,11 @@ fn check_shape(map: &PolarMap) -> Result<()> {
     }
     Err(Error::usage(format!(
         "a map of {} x {} pixels down to {:.4} rad: the sequences are measured on hemispheres of {} x {}",
-        map.shape.columns, map.shape.rows, map.shape.theta_max_rad, SHAPE.columns, SHAPE.rows
+        map.shape.columns(),
+        map.shape.rows(),
+        map.shape.theta_max_rad(),
+        SHAPE.columns(),
+        SHAPE.rows()
     )))
 }
 

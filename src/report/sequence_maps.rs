@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// The garden in frame t: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column 20 - t.
 /// Its sun crosses phi = 0 in frame 20.
 pub(super) fn garden_frame(map: &PolarMap, t: usize) -> PolarMap {
-    let columns = map.shape.columns;
+    let columns = map.shape.columns();
     // What stands at column 20 - t afterwards stood at the brightest column before.
     let turn = (brightest_column(map) + t + 20 * (columns - 1)) % columns;
     PolarMap::from_fn(map.shape, |row, column| map.pixels[row * columns + (column + turn) % columns])
@@ -17,13 +17,13 @@ pub(super) fn garden_frame(map: &PolarMap, t: usize) -> PolarMap {
 /// The hall in frame t: `map` (`dancing_hall_1k`), whose pixels in columns 71-149 above its 97th percentile of
 /// luminance are multiplied by `1 + 0.5 sin(2 pi 0.38 t)`: at 25 frames/s lamps that flicker at 9.5 Hz.
 pub(super) fn hall_frame(map: &PolarMap, t: usize) -> PolarMap {
-    let luminance = |i: usize| f64::from(map.luminance(i / map.shape.columns, i % map.shape.columns));
+    let luminance = |i: usize| f64::from(map.luminance(i / map.shape.columns(), i % map.shape.columns()));
     let mut luminances: Vec<f64> = (0..map.shape.len()).map(luminance).collect();
     luminances.sort_by(f64::total_cmp);
     let threshold = percentile(&luminances, 0.97);
     let gain = (1.0 + 0.5 * (TAU * 0.38 * t as f64).sin()) as f32;
     PolarMap::from_fn(map.shape, |row, column| {
-        let pixel = map.pixels[row * map.shape.columns + column];
+        let pixel = map.pixels[row * map.shape.columns() + column];
         let lamp = (71..=149).contains(&column) && f64::from(map.luminance(row, column)) > threshold;
         if lamp { pixel.map(|value| value * gain) } else { pixel }
     })
@@ -34,10 +34,10 @@ fn brightest_column(map: &PolarMap) -> usize {
     let shape = map.shape;
     let solid_angle = |row| zone_solid_angle(shape.theta_edge_rad(row), shape.theta_edge_rad(row + 1), 1.0);
     let power = |column: usize| -> f64 {
-        (0..shape.rows).map(|row| f64::from(map.luminance(row, column)) * solid_angle(row)).sum()
+        (0..shape.rows()).map(|row| f64::from(map.luminance(row, column)) * solid_angle(row)).sum()
     };
-    let powers: Vec<f64> = (0..shape.columns).map(power).collect();
-    (0..shape.columns).rev().max_by(|&a, &b| powers[a].total_cmp(&powers[b])).unwrap_or(0)
+    let powers: Vec<f64> = (0..shape.columns()).map(power).collect();
+    (0..shape.columns()).rev().max_by(|&a, &b| powers[a].total_cmp(&powers[b])).unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -70,7 +70,7 @@ pub fn measure(map: &PolarMap, counts: &[usize], mut goes_on: impl FnMut() -> bo
                 method,
                 count,
                 errors: reference.errors(&judged.lights),
-                estimate: judged.error,
+                estimate: judged.error.expect("a timed list is measured"),
                 power_difference,
                 time,
             });

@@ -1,12 +1,13 @@
 //! Links between two threads, with recycled buffers. What a link does when the reader is slow is in its name:
-//! [`latest`] overwrites and counts (live), [`bounded`] makes the writer wait and loses nothing (replay); with
-//! [`Sender::try_take`] and [`Sender::try_send`] a writer into a bounded link gives up instead of waiting (recording).
+//! [`latest`] overwrites and counts (live), [`bounded`] makes the writer wait and loses nothing (replay), and
+//! [`lossy`] passes over what finds no room and counts it (recordings and files beside a live service).
 //!
 //! All buffers are made with the link: one in the writer's hand, one in the reader's, and those in between. The
-//! writer takes an empty one with [`Sender::take`], fills it and [`send`](Sender::send)s it; it goes back when the
-//! reader drops its [`Received`]. So nothing is allocated once every buffer has grown to its size.
+//! writer takes an empty one with [`Sender::take`], fills it and [`send`](Sender::send)s it, or has an item copied
+//! into one with [`Sender::send_copy`]; it goes back when the reader drops its [`Received`]. So nothing is allocated
+//! once every buffer has grown to its size.
 
-use super::Shutdown;
+use super::{Counter, Shutdown};
 use crossbeam_channel as channel;
 use crossbeam_channel::{TryRecvError, TrySendError, select};
 use std::ops::{Deref, DerefMut};
@@ -21,6 +22,14 @@ pub trait Item: Send {
     fn lose(&mut self, count: u64);
 }
 
+/// An item that several links may carry: each has a copy in a buffer of its own.
+pub trait Copied: Item {
+    /// Copies `other` into this buffer, without an allocation once it has grown to its size.
+    fn copy_from(&mut self, other: &Self);
+    /// Sequence number of the frame that it describes; `None` where it describes none.
+    fn sequence(&self) -> Option<u64>;
+}
+
 /// The other side of the link has gone, or the service was aborted: the stage has nothing left to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Closed;
@@ -28,21 +37,14 @@ pub struct Closed;
 /// A link of one slot: a newer item overwrites the one that waits, which is counted, with all that it had lost
 /// itself, in the newer one's `lost_before`.
 pub fn latest<T: Item>(shutdown: &Shutdown, make: impl FnMut() -> T) -> (Sender<T>, Receiver<T>) {
-    link(1, true, shutdown, make)
+    let (mut sender, receiver) = bounded(1, shutdown, make);
+    sender.when_full = Full::Overwrites { slot: receiver.full.clone() };
+    (sender, receiver)
 }
 
 /// A link of `capacity` (at least one) items that makes the writer wait when it is full.
 pub fn bounded<T: Item>(
     capacity: usize,
-    shutdown: &Shutdown,
-    make: impl FnMut() -> T,
-) -> (Sender<T>, Receiver<T>) {
-    link(capacity, false, shutdown, make)
-}
-
-fn link<T: Item>(
-    capacity: usize,
-    overwrites: bool,
     shutdown: &Shutdown,
     mut make: impl FnMut() -> T,
 ) -> (Sender<T>, Receiver<T>) {
@@ -55,7 +57,7 @@ fn link<T: Item>(
     let is_reader_gone = Arc::new(AtomicBool::new(false));
     let sender = Sender {
         full: full_in,
-        slot: overwrites.then(|| full_out.clone()),
+        when_full: Full::Waits,
         empty: empty_out,
         spare: None,
         is_reader_gone: is_reader_gone.clone(),
@@ -63,6 +65,33 @@ fn link<T: Item>(
     };
     let receiver = Receiver { full: full_out, empty: empty_in, is_reader_gone, shutdown: shutdown.clone() };
     (sender, receiver)
+}
+
+/// A link of `capacity` (at least one) items whose writer never waits: what finds no room is missing, and counted by
+/// `dropped` and in the `lost_before` of the next item that finds some.
+pub fn lossy<T: Item>(
+    capacity: usize,
+    dropped: Counter,
+    shutdown: &Shutdown,
+    make: impl FnMut() -> T,
+) -> (Sender<T>, Receiver<T>) {
+    let (mut sender, receiver) = bounded(capacity, shutdown, make);
+    sender.when_full = Full::Drops { dropped, lost: 0 };
+    (sender, receiver)
+}
+
+/// What a writer does when the link is full.
+enum Full<T> {
+    Overwrites {
+        /// The reader's end, to take back what is to be overwritten.
+        slot: channel::Receiver<Envelope<T>>,
+    },
+    Waits,
+    Drops {
+        dropped: Counter,
+        /// Lost since the last item that found room.
+        lost: u64,
+    },
 }
 
 /// What travels: the item and how many were overwritten since the reader took the last one.
@@ -74,11 +103,10 @@ struct Envelope<T> {
 /// The writer's end. Dropping it closes the link; the reader still gets what is in it.
 pub struct Sender<T> {
     full: channel::Sender<Envelope<T>>,
-    /// The reader's end of `full`, to take back what is to be overwritten; only in a `latest` link.
-    slot: Option<channel::Receiver<Envelope<T>>>,
+    when_full: Full<T>,
     empty: channel::Receiver<T>,
     spare: Option<T>,
-    /// Needed because `slot` keeps `full` open when the reader goes.
+    /// Needed because the slot of a `latest` link keeps `full` open when the reader goes.
     is_reader_gone: Arc<AtomicBool>,
     shutdown: Shutdown,
 }
@@ -109,58 +137,70 @@ impl<T: Item> Sender<T> {
         if self.is_reader_gone.load(Ordering::Acquire) {
             return Err(Closed);
         }
-        let mut envelope = Envelope { item, overwritten: 0 };
-        let Some(slot) = &self.slot else {
-            return select! {
+        let envelope = Envelope { item, overwritten: 0 };
+        match &mut self.when_full {
+            Full::Overwrites { slot } => overwrite(&self.full, slot, envelope, &mut self.spare),
+            Full::Waits => select! {
                 send(self.full, envelope) -> sent => sent.map_err(|_| Closed),
                 recv(self.shutdown.aborted()) -> _ => Err(Closed),
-            };
-        };
-        loop {
-            envelope = match self.full.try_send(envelope) {
-                Ok(()) => return Ok(()),
-                Err(TrySendError::Disconnected(_)) => return Err(Closed),
-                Err(TrySendError::Full(envelope)) => envelope,
-            };
-            // The reader may have been quicker; then there is room now.
-            if let Ok(old) = slot.try_recv() {
-                envelope.item.lose(old.item.lost_before() + 1);
-                envelope.overwritten += old.overwritten + 1;
-                self.spare = Some(old.item);
+            },
+            Full::Drops { dropped, lost } => {
+                let mut envelope = envelope;
+                envelope.item.lose(std::mem::take(lost));
+                match self.full.try_send(envelope) {
+                    Ok(()) => Ok(()),
+                    Err(TrySendError::Full(Envelope { item, .. })) => {
+                        dropped.add(1);
+                        *lost = item.lost_before() + 1;
+                        self.spare = Some(item);
+                        Ok(())
+                    }
+                    Err(TrySendError::Disconnected(_)) => Err(Closed),
+                }
             }
         }
     }
 }
 
-impl<T: Item> Sender<T> {
-    /// An empty buffer if there is one now; `None`: the reader is behind.
+/// Sends at once, in the place of what waits in `slot`; the buffer of that is `spare` then.
+fn overwrite<T: Item>(
+    full: &channel::Sender<Envelope<T>>,
+    slot: &channel::Receiver<Envelope<T>>,
+    mut envelope: Envelope<T>,
+    spare: &mut Option<T>,
+) -> Result<(), Closed> {
+    loop {
+        envelope = match full.try_send(envelope) {
+            Ok(()) => return Ok(()),
+            Err(TrySendError::Disconnected(_)) => return Err(Closed),
+            Err(TrySendError::Full(envelope)) => envelope,
+        };
+        // The reader may have been quicker; then there is room now.
+        if let Ok(old) = slot.try_recv() {
+            envelope.item.lose(old.item.lost_before() + 1);
+            envelope.overwritten += old.overwritten + 1;
+            *spare = Some(old.item);
+        }
+    }
+}
+
+impl<T: Copied> Sender<T> {
+    /// Sends a copy of `item`; in a lossy link without a copy where there is no room.
     ///
     /// # Errors
     /// [`Closed`].
-    pub fn try_take(&mut self) -> Result<Option<T>, Closed> {
-        if self.is_reader_gone.load(Ordering::Acquire) {
-            return Err(Closed);
+    pub fn send_copy(&mut self, item: &T) -> Result<(), Closed> {
+        if let Full::Drops { dropped, lost } = &mut self.when_full
+            && self.full.is_full()
+            && !self.is_reader_gone.load(Ordering::Acquire)
+        {
+            dropped.add(1);
+            *lost += item.lost_before() + 1;
+            return Ok(());
         }
-        match self.spare.take().map_or_else(|| self.empty.try_recv(), Ok) {
-            Ok(item) => Ok(Some(item)),
-            Err(TryRecvError::Empty) => Ok(None),
-            Err(TryRecvError::Disconnected) => Err(Closed),
-        }
-    }
-
-    /// Sends a filled buffer if there is room for it; false, and the buffer is kept for the next time, if not.
-    ///
-    /// # Errors
-    /// [`Closed`]; the item is then gone.
-    pub fn try_send(&mut self, item: T) -> Result<bool, Closed> {
-        match self.full.try_send(Envelope { item, overwritten: 0 }) {
-            Ok(()) => Ok(true),
-            Err(TrySendError::Full(Envelope { item, .. })) => {
-                self.spare = Some(item);
-                Ok(false)
-            }
-            Err(TrySendError::Disconnected(_)) => Err(Closed),
-        }
+        let mut copy = self.take()?;
+        copy.copy_from(item);
+        self.send(copy)
     }
 }
 
@@ -271,6 +311,17 @@ mod tests {
         }
     }
 
+    impl Copied for Numbered {
+        fn copy_from(&mut self, other: &Self) {
+            (self.number, self.lost_before) = (other.number, other.lost_before);
+            self.payload.clone_from(&other.payload);
+        }
+
+        fn sequence(&self) -> Option<u64> {
+            Some(self.number)
+        }
+    }
+
     fn send(sender: &mut Sender<Numbered>, number: u64) -> Result<(), Closed> {
         let mut item = sender.take()?;
         (item.number, item.lost_before) = (number, 0);
@@ -334,6 +385,29 @@ mod tests {
             assert_eq!(next, COUNT);
             assert!(buffers.len() <= 4, "{} buffers", buffers.len());
         });
+    }
+
+    #[test]
+    fn a_lossy_link_never_waits_and_tells_what_found_no_room() {
+        let dropped = Counter::default();
+        let (mut sender, mut receiver) = lossy(2, dropped.clone(), &Shutdown::new(), Numbered::default);
+        let item = |number| Numbered { number, ..Numbered::default() };
+        (0..4).for_each(|number| sender.send_copy(&item(number)).unwrap());
+        // Sent without a copy, it has as little room.
+        send(&mut sender, 4).unwrap();
+        assert_eq!(dropped.get(), 3);
+        let seen = |receiver: &mut Receiver<Numbered>| {
+            let item = receiver.receive().unwrap();
+            (item.number, item.lost_before, item.overwritten())
+        };
+        assert_eq!([seen(&mut receiver), seen(&mut receiver)], [(0, 0, 0), (1, 0, 0)]);
+        sender.send_copy(&Numbered { lost_before: 2, ..item(7) }).unwrap();
+        sender.send_copy(&item(8)).unwrap();
+        assert_eq!([seen(&mut receiver), seen(&mut receiver)], [(7, 5, 0), (8, 0, 0)]);
+        assert_eq!(dropped.get(), 3, "counted once, by the counter");
+        (9..12).for_each(|number| sender.send_copy(&item(number)).unwrap());
+        drop(receiver);
+        assert_eq!(sender.send_copy(&item(12)), Err(Closed));
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub struct Metrics {
     name: &'static str,
     /// Items worked off.
     pub frames: Counter,
-    /// Items that were overwritten in the link before this stage could take them.
+    /// Items that this stage was too slow for: overwritten in its link, or without room there.
     pub drops: Counter,
     /// Items that this stage refused as bad frames.
     pub bad_frames: Counter,

@@ -19,15 +19,26 @@ pub trait Stage: Send {
     /// Kind `BadFrame`: this input is lost, it is counted and the next one says so in its `lost_before`. Any other
     /// kind ends the service.
     fn step(&mut self, input: &Self::Input, output: &mut Self::Output) -> Result<Flow>;
+
+    /// Called once, when no step will follow; `is_complete` says whether everything that came was worked off.
+    ///
+    /// # Errors
+    /// What cannot be brought to its end, such as a file.
+    fn finish(&mut self, _is_complete: bool) -> Result<()> {
+        Ok(())
+    }
 }
 
-/// A stage that is still needed when the loop has ended.
-impl<S: Stage> Stage for &mut S {
-    type Input = S::Input;
-    type Output = S::Output;
+impl<I: Item, O> Stage for Box<dyn Stage<Input = I, Output = O>> {
+    type Input = I;
+    type Output = O;
 
-    fn step(&mut self, input: &Self::Input, output: &mut Self::Output) -> Result<Flow> {
+    fn step(&mut self, input: &I, output: &mut O) -> Result<Flow> {
         (**self).step(input, output)
+    }
+
+    fn finish(&mut self, is_complete: bool) -> Result<()> {
+        (**self).finish(is_complete)
     }
 }
 
@@ -134,13 +145,31 @@ impl Outlet for Nowhere {
     }
 }
 
-/// Runs `stage` until its inlet or outlet closes, it ends or fails. Bad frames are counted, and each is named once
+/// Runs `stage` until its inlet or outlet closes, it ends or fails, and then finishes it. Bad frames are counted, and each is named once
 /// in the log (the first [`BAD_FRAMES_NAMED`] of a stage; more would bury everything else).
 ///
 /// # Errors
-/// Those of [`Stage::step`], but for bad frames.
+/// Those of [`Stage::step`], but for bad frames, and of [`Stage::finish`].
 pub fn run<I, O, S>(
     mut stage: S,
+    inlet: I,
+    outlet: O,
+    clock: &Clock,
+    shutdown: &Shutdown,
+    metrics: &Metrics,
+) -> Result<()>
+where
+    I: Inlet,
+    O: Outlet,
+    S: Stage<Input = I::Item, Output = O::Item>,
+{
+    let outcome = steps(&mut stage, inlet, outlet, clock, shutdown, metrics);
+    let finished = stage.finish(outcome.is_ok() && !shutdown.is_aborted());
+    outcome.and(finished)
+}
+
+fn steps<I, O, S>(
+    stage: &mut S,
     mut inlet: I,
     mut outlet: O,
     clock: &Clock,

@@ -1,9 +1,7 @@
-use super::Shutdown;
+use super::{Shutdown, contained};
 use crate::error::{Error, Result};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
-use std::any::Any;
 use std::convert::Infallible;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
@@ -41,10 +39,10 @@ impl Threads {
             (self.shutdown.clone(), self.first_error.clone(), self.alive.clone());
         let thread_name = name.to_owned();
         let guarded = move || {
-            // What the body owned is dropped while unwinding and seen by nobody; the rest is built for sharing.
-            let (outcome, panicked) = match catch_unwind(AssertUnwindSafe(body)) {
+            // What the body owned is seen by nobody; the rest is built for sharing.
+            let (outcome, panicked) = match contained(body) {
                 Ok(outcome) => (outcome, false),
-                Err(payload) => (Err(panic_error(&thread_name, payload.as_ref())), true),
+                Err(message) => (Err(panic_error(&thread_name, &message)), true),
             };
             if let Err(error) = outcome {
                 first_error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
@@ -93,12 +91,7 @@ impl Drop for Threads {
     }
 }
 
-fn panic_error(name: &str, payload: &(dyn Any + Send)) -> Error {
-    let message = payload
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| payload.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("no message");
+fn panic_error(name: &str, message: &str) -> Error {
     Error::failed(format!("the stage `{name}` panicked, which is a fault in lightcast: {message}"))
 }
 

@@ -2,10 +2,10 @@
 
 use super::{Scene, gltf_file, obj_file, ply_file};
 use crate::error::{Error, Result};
+use crate::rt;
 use glam::Mat4;
 use std::fs::File;
 use std::io::Read;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Component, Path, PathBuf};
 
 /// Bytes that a scene's files have together at most.
@@ -47,14 +47,8 @@ impl Scene {
 /// Runs a reader; its panic becomes an error. `gltf` 1.4, `tobj` 4.0 and the decoders of `image` 0.25 index and
 /// unwrap what damaged files say. Nothing of theirs outlives the call.
 pub(super) fn contained<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
-    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|panic| {
-        let cause = panic
-            .downcast_ref::<&str>()
-            .map(ToString::to_string)
-            .or_else(|| panic.downcast_ref::<String>().cloned())
-            .unwrap_or_default();
-        Err(Error::usage(format!("is damaged: its reader gave up with `{cause}`")))
-    })
+    rt::contained(read)
+        .unwrap_or_else(|cause| Err(Error::usage(format!("is damaged: its reader gave up with `{cause}`"))))
 }
 
 fn load_by_kind(path: &Path) -> Result<Scene> {

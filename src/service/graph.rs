@@ -1,80 +1,120 @@
 use super::Summary;
 use crate::error::{Error, Result};
-use crate::rt::stage::{self, Inlet, Nowhere, Outlet, Stage};
+use crate::rt::fan_out::FanOut;
+use crate::rt::link::{Copied, Receiver, Sender};
+use crate::rt::stage::{self, Inlet, Nowhere, Stage};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Stages on their threads. The first error in time ends all of them; a panic is an error.
+/// Stages and the links between them, put together in the order of the data. Nothing runs before [`Self::start`].
 pub(super) struct Graph {
-    threads: Threads,
     clock: Clock,
     shutdown: Shutdown,
     metrics: Vec<Arc<Metrics>>,
-    /// The first error of a stage beside the others.
+    starts: Vec<Start>,
+    /// The first error of an end that the others go on without.
     aside: Arc<Mutex<Option<Error>>>,
+}
+
+type Start = Box<dyn FnOnce(&mut Threads) -> Result<()>>;
+
+/// What the end of an end is to the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Departure {
+    /// All end; an error is that of the service.
+    EndsAll,
+    /// They go on. An error is logged at once, and told when all have ended.
+    IsTold,
+}
+
+/// The output of a stage, to which readers are added until the graph starts.
+pub(super) struct Output<T>(Rc<RefCell<Option<FanOut<T>>>>);
+
+impl<T: Copied> Output<T> {
+    /// The way to the next stage of the chain.
+    pub fn next(&self, (sender, receiver): (Sender<T>, Receiver<T>)) -> Receiver<T> {
+        self.change(|outlet| outlet.set_next(sender));
+        receiver
+    }
+
+    /// The way to an end, for copies of the first item in every block of `every` sequence numbers.
+    pub fn copies<R>(&self, (sender, receiver): (Sender<T>, R), every: u64) -> R {
+        self.change(|outlet| outlet.add(sender, every));
+        receiver
+    }
+
+    fn change(&self, change: impl FnOnce(&mut FanOut<T>)) {
+        change(self.0.borrow_mut().as_mut().expect("readers are added before the graph starts"));
+    }
 }
 
 impl Graph {
     pub fn new(clock: Clock, shutdown: &Shutdown) -> Self {
         Self {
-            threads: Threads::new(shutdown),
             clock,
             shutdown: shutdown.clone(),
             metrics: Vec::new(),
+            starts: Vec::new(),
             aside: Arc::default(),
         }
     }
 
-    /// Runs `stage` on a thread that is called what `metrics` are called.
-    pub fn spawn<I, O, S>(&mut self, metrics: Arc<Metrics>, stage: S, inlet: I, outlet: O) -> Result<()>
-    where
-        I: Inlet + 'static,
-        O: Outlet + 'static,
-        S: Stage<Input = I::Item, Output = O::Item> + 'static,
-    {
-        let (clock, shutdown) = (self.clock.clone(), self.shutdown.clone());
-        // Readers are started before their writers; the summary follows the data.
-        self.metrics.insert(0, metrics.clone());
-        self.threads.spawn(metrics.name(), move || {
-            let outcome = stage::run(stage, inlet, outlet, &clock, &shutdown, &metrics);
-            // Whoever ends first ends all. Without this a source that waits for a frame's time would find out only
-            // when it has come that nobody reads any more.
-            shutdown.request();
-            outcome
-        })
-    }
-
-    /// Runs `stage` beside the others: its end is not theirs unless `is_alone`, and its failure is told when all have
-    /// ended. `finish` runs when the stage has ended and learns whether it has worked off everything.
-    pub fn spawn_aside<I, S>(
+    /// Adds a stage, on a thread that is called what `metrics` are called. `buffer` is what it fills where no next
+    /// stage brings buffers of its own.
+    pub fn stage<I, S>(
         &mut self,
         metrics: Arc<Metrics>,
-        mut stage: S,
+        stage: S,
         inlet: I,
-        is_alone: bool,
-        finish: impl FnOnce(&mut S, bool) -> Result<()> + Send + 'static,
-    ) -> Result<()>
+        buffer: S::Output,
+    ) -> Output<S::Output>
+    where
+        I: Inlet + 'static,
+        S: Stage<Input = I::Item> + 'static,
+        S::Output: Copied + 'static,
+    {
+        let output = Rc::new(RefCell::new(Some(FanOut::new(buffer))));
+        let outlet = output.clone();
+        let (clock, shutdown) = (self.clock.clone(), self.shutdown.clone());
+        self.metrics.push(metrics.clone());
+        self.starts.push(Box::new(move |threads| {
+            let outlet = outlet.take().expect("a graph starts once");
+            threads.spawn(metrics.name(), move || {
+                let outcome = stage::run(stage, inlet, outlet, &clock, &shutdown, &metrics);
+                // Whoever ends first ends all. Without this a source that waits for a frame's time would find out only
+                // when it has come that nobody reads any more.
+                shutdown.request();
+                outcome
+            })
+        }));
+        Output(output)
+    }
+
+    /// Adds a stage that has no output, on a thread that is called what `metrics` are called.
+    pub fn end<I, S>(&mut self, metrics: Arc<Metrics>, stage: S, inlet: I, departure: Departure)
     where
         I: Inlet + 'static,
         S: Stage<Input = I::Item, Output = ()> + 'static,
     {
         let (clock, shutdown, aside) = (self.clock.clone(), self.shutdown.clone(), self.aside.clone());
         self.metrics.push(metrics.clone());
-        self.threads.spawn(metrics.name(), move || {
-            let outcome = stage::run(&mut stage, inlet, Nowhere, &clock, &shutdown, &metrics);
-            let finished = finish(&mut stage, outcome.is_ok() && !shutdown.is_aborted());
-            if is_alone {
-                shutdown.request();
-            }
-            if let Err(error) = outcome.and(finished) {
-                if !is_alone {
-                    tracing::error!("{} has ended, all else goes on: {error}", metrics.name());
+        self.starts.push(Box::new(move |threads| {
+            threads.spawn(metrics.name(), move || {
+                let outcome = stage::run(stage, inlet, Nowhere, &clock, &shutdown, &metrics);
+                if departure == Departure::EndsAll {
+                    shutdown.request();
+                    return outcome;
                 }
-                aside.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-            }
-            Ok(())
-        })
+                if let Err(error) = outcome {
+                    tracing::error!("{} has ended, all else goes on: {error}", metrics.name());
+                    aside.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                }
+                Ok(())
+            })
+        }));
     }
 
     pub fn clock(&self) -> &Clock {
@@ -85,10 +125,27 @@ impl Graph {
         &self.shutdown
     }
 
-    pub fn summary(&self) -> Summary {
-        Summary::of(self.metrics.clone())
+    /// Starts all stages, readers before their writers.
+    ///
+    /// # Errors
+    /// Those of the system for threads; what had started is ended.
+    pub fn start(self) -> Result<Running> {
+        let mut threads = Threads::new(&self.shutdown);
+        for start in self.starts.into_iter().rev() {
+            start(&mut threads)?;
+        }
+        Ok(Running { threads, summary: Summary::of(self.metrics), aside: self.aside })
     }
+}
 
+/// Stages on their threads. The first error in time ends all of them; a panic is an error.
+pub(super) struct Running {
+    threads: Threads,
+    pub summary: Summary,
+    aside: Arc<Mutex<Option<Error>>>,
+}
+
+impl Running {
     /// Waits for the end and calls `watch` about every `interval` meanwhile.
     pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
         self.threads.join(interval, watch)?;
@@ -150,13 +207,15 @@ mod tests {
         let link = || {
             if is_live { latest(&shutdown, Frame::default) } else { bounded(2, &shutdown, Frame::default) }
         };
-        let (first, second) = (link(), link());
         let mut graph = Graph::new(Clock::simulated(), &shutdown);
-        graph.spawn(Metrics::new("source"), Counts(0), Ticks(shutdown.clone()), first.0).unwrap();
-        graph.spawn(Metrics::new("middle"), Does(what), first.1, second.0).unwrap();
-        graph.spawn(Metrics::new("end"), Ignores, second.1, Nowhere).unwrap();
-        assert_eq!(graph.summary().stages().len(), 3);
-        graph.join(Duration::from_millis(1), || ())
+        let ticks = Ticks(shutdown.clone());
+        let counted = graph.stage(Metrics::new("source"), Counts(0), ticks, Frame::default());
+        let done = graph.stage(Metrics::new("middle"), Does(what), counted.next(link()), Frame::default());
+        graph.end(Metrics::new("end"), Ignores, done.next(link()), Departure::EndsAll);
+        let running = graph.start().unwrap();
+        let names: Vec<_> = running.summary.stages().iter().map(|stage| stage.name()).collect();
+        assert_eq!(names, ["source", "middle", "end"]);
+        running.join(Duration::from_millis(1), || ())
     }
 
     #[test]
@@ -198,9 +257,9 @@ mod tests {
         let shutdown = Shutdown::new();
         let link = bounded(1, &shutdown, Frame::default);
         let mut graph = Graph::new(Clock::real(), &shutdown);
-        graph.spawn(Metrics::new("ends"), Ends, link.1, Nowhere).unwrap();
-        graph.spawn(Metrics::new("source"), Rare, Ticks(shutdown.clone()), link.0).unwrap();
-        graph.join(Duration::from_millis(1), || ()).unwrap();
+        let rare = graph.stage(Metrics::new("source"), Rare, Ticks(shutdown.clone()), Frame::default());
+        graph.end(Metrics::new("ends"), Ends, rare.next(link), Departure::EndsAll);
+        graph.start().unwrap().join(Duration::from_millis(1), || ()).unwrap();
     }
 
     #[test]

@@ -1,18 +1,18 @@
 //! Where the frames of a service come from, opened.
 
-use super::graph::Graph;
+use super::graph::{Graph, Output};
 use crate::config::{self, Config};
 use crate::error::Result;
 #[cfg(feature = "camera")]
 use crate::error::{Error, Kind};
-use crate::rt::stage::{Stage, Tick, Ticks};
+use crate::rt::stage::Ticks;
 #[cfg(feature = "camera")]
 use crate::rt::utc_from_monotonic_ns;
-use crate::rt::{CaptureEpoch, Clock, Metrics, Shutdown};
+use crate::rt::{CaptureEpoch, Clock, Metrics};
 #[cfg(feature = "camera")]
 use crate::source::{Bracket, BracketOptions, v4l2::V4l2Camera};
 use crate::source::{Camera, FrameFormat, Sequence};
-use crate::stage::{self, Patience, Recording, Tee};
+use crate::stage::{self, Patience, Recording};
 #[cfg(feature = "camera")]
 use lightcast_core::camera::Response;
 use lightcast_core::image::Frame;
@@ -122,7 +122,7 @@ impl Input {
     }
 
     /// Frames to come, readable or not; `None` without an end.
-    pub(super) fn frame_count(&self) -> Option<u64> {
+    pub fn frame_count(&self) -> Option<u64> {
         match &self.frames {
             Frames::Sequence(sequence) => sequence.frame_count(),
             Frames::Camera(_) => None,
@@ -140,19 +140,21 @@ impl Input {
         }
     }
 
-    /// Starts it; its frames go to `outlet`.
-    pub(super) fn spawn(self, graph: &mut Graph, outlet: Tee) -> Result<()> {
+    /// The source of `graph`.
+    pub(super) fn source(self, graph: &mut Graph) -> Output<Frame> {
         let (clock, shutdown) = (graph.clock().clone(), graph.shutdown().clone());
-        let metrics = self.metrics;
+        let ticks = Ticks(shutdown.clone());
         match self.frames {
             Frames::Sequence(sequence) => {
-                spawn(graph, metrics, stage::Source::new(sequence, &clock, self.epoch), &shutdown, outlet)
+                let source = stage::Source::new(sequence, &clock, self.epoch);
+                graph.stage(self.metrics, source, ticks, Frame::default())
             }
             Frames::Camera(camera) => {
                 let rate_hz = self.format.frame_rate_hz;
                 let patience = Patience::for_rate(rate_hz);
-                let capture = stage::Capture::new(camera, rate_hz, patience, (&clock, &shutdown), &metrics);
-                spawn(graph, metrics, capture, &shutdown, outlet)
+                let capture =
+                    stage::Capture::new(camera, rate_hz, patience, (&clock, &shutdown), &self.metrics);
+                graph.stage(self.metrics, capture, ticks, Frame::default())
             }
         }
     }
@@ -164,17 +166,4 @@ impl Input {
             _ => Clock::real(),
         }
     }
-}
-
-fn spawn<S>(
-    graph: &mut Graph,
-    metrics: Arc<Metrics>,
-    stage: S,
-    shutdown: &Shutdown,
-    outlet: Tee,
-) -> Result<()>
-where
-    S: Stage<Input = Tick, Output = Frame> + 'static,
-{
-    graph.spawn(metrics, stage, Ticks(shutdown.clone()), outlet)
 }

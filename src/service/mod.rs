@@ -1,17 +1,21 @@
 //! The graph of stages and its supervisor: threads from a configuration, their end, and what they have done.
 //!
 //! ```text
-//! source ──Frame──▶ calibrate ──PolarMap──▶ light ──LightList──▶ filter ──LightList──▶ publish
-//!    └──Frame──▶ record                       ├──PolarMap──▶ picture ◀──LightList────────┤
-//!                                             └──PolarMap──▶ (board) ◀──LightList────────┘
+//! source ──Frame──▶ calibrate ──PolarMap──▶ light ──LightList──▶ filter ──LightList──▶ ends
+//!    └──▶ record        ├──▶ (window)                                             ├──▶ publish
+//!                       ├──▶ board                                                ├──▶ board
+//!                       └──▶ picture ◀────────────────────────────────────────────┼──▶ picture
+//!                                                                                 └──▶ renderer, window
 //! ```
 
 mod camera;
+mod ends;
 mod graph;
 mod input;
 mod recorder;
 mod summary;
 
+pub use ends::{Ends, ListReader, Output, Pictures};
 pub use input::Input;
 pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
@@ -20,15 +24,14 @@ use crate::config::{self, Config, Links, Pace};
 use crate::design::{RateFilter, low_pass};
 use crate::error::{Error, Result};
 use crate::light::{Extractor, LightList};
-use crate::net::Board;
+use crate::net::{PostLists, PostMaps};
 use crate::rt::link::{self, Item};
-use crate::rt::stage::Nowhere;
 use crate::rt::{Metrics, Shutdown};
 use crate::stage;
-use graph::Graph;
+use crate::temporal::Taps;
+use graph::{Departure, Graph, Running};
 use lightcast_core::image::{Frame, PolarMap};
 use std::io::Write;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -36,131 +39,40 @@ use std::time::Duration;
 /// another that of the disk. More would only cost memory, the slowest stage sets the pace.
 const LINK_CAPACITY: usize = 2;
 
-/// Where the light lists go.
-pub struct Output {
-    /// Takes JSON lines.
-    pub writer: Box<dyn Write + Send>,
-    /// What messages call it: a path, or "standard output".
-    pub name: String,
-}
-
-/// Pictures of some maps with their lights. Drawing is slow; in a replay it holds up `light` and `publish`, whose times
-/// then show it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Pictures {
-    /// Where they go; made if it does not exist.
-    pub folder: PathBuf,
-    /// The first map in every so many sequence numbers is drawn; at least 1.
-    pub every: u64,
-}
+/// Lists that wait for a file that is slower than the service: five seconds at 25 lists a second even out what disks
+/// and readers of a pipe do. Their memory is taken when they are needed first.
+const LIST_QUEUE: usize = 128;
 
 /// A running service.
 pub struct Service {
-    graph: Graph,
+    running: Running,
     frame_count: Option<u64>,
 }
 
 impl Service {
-    /// Opens everything that `config` names, then the output, so that a start that fails leaves an old output file
-    /// alone; then starts the threads. They end when the sequence does, on the first error, and when `shutdown` is
-    /// requested. Copies of what it makes go to `copies`.
+    /// Opens everything that `config` and `ends` name, then starts the threads. They end when the sequence does, on the
+    /// first error, when `shutdown` is requested, and when nobody wants what they make: where clients are served, that
+    /// never is.
     ///
     /// # Errors
     /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can be
-    /// read; those of `open_output`; those of the system for threads and folders.
-    pub fn start(
-        config: &Config,
-        open_output: impl FnOnce() -> Result<Output>,
-        copies: Copies,
-        shutdown: &Shutdown,
-    ) -> Result<Self> {
-        Self::start_with(config, Input::open(config)?, open_output, copies, shutdown)
+    /// read; those of opening the output; those of the system for threads and folders.
+    pub fn start(config: &Config, ends: Ends, shutdown: &Shutdown) -> Result<Self> {
+        Self::start_with(config, Input::open(config)?, ends, shutdown)
     }
 
     /// As [`Self::start`], with frames from `input` and not from what `config` names.
     ///
     /// # Errors
     /// As [`Self::start`].
-    pub fn start_with(
-        config: &Config,
-        input: Input,
-        open_output: impl FnOnce() -> Result<Output>,
-        copies: Copies,
-        shutdown: &Shutdown,
-    ) -> Result<Self> {
-        let format = *input.format();
+    pub fn start_with(config: &Config, input: Input, ends: Ends, shutdown: &Shutdown) -> Result<Self> {
         let frame_count = input.frame_count();
-        let (frame_to_polar, response) = camera::frame_to_polar(config, &format, input.name())?;
-        let extractor =
-            Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
-        let filter = RateFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
-        // The filter designs its taps when it sees the first list; what no taps can do is told before.
-        let taps =
-            low_pass(format.frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))?;
-        let Copies { pictures, recording, lists: list_copies, maps: map_copies, board } = copies;
-        let recording = match &recording {
-            Some(options) => Some(recorder::recorder(config, options, &input, shutdown)?),
-            None => None,
-        };
-        let output = open_output()?;
-
-        let [calibrate_metrics, light_metrics, filter_metrics, publish_metrics] =
-            ["calibrate", "light", "filter", "publish"].map(Metrics::new);
-        let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
-        let black = || PolarMap::black(config.map);
-
-        let mut map_taps: Vec<_> = map_copies.into_iter().map(|maps| stage::MapTap::new(maps, 1)).collect();
-        let list_tap = match &pictures {
-            None => None,
-            Some(pictures) => {
-                std::fs::create_dir_all(&pictures.folder).map_err(|error| {
-                    Error::failed("the folder for pictures cannot be made")
-                        .because(error)
-                        .at(pictures.folder.display())
-                })?;
-                // A map waits for its list until the filter lets it out; fewer places would stop the light stage,
-                // and with it the list that the map waits for.
-                let waiting = u64::from(taps.delay_frames()) / pictures.every.max(1) + 1;
-                let (maps_in, maps_out) = link::bounded(LINK_CAPACITY + waiting as usize, shutdown, black);
-                let (lists_in, lists_out) = link::bounded(LINK_CAPACITY, shutdown, LightList::default);
-                let picture = stage::Picture::new(lists_out, pictures.folder.clone());
-                graph.spawn(Metrics::new("picture"), picture, maps_out, Nowhere)?;
-                map_taps.push(stage::MapTap::new(maps_in, pictures.every));
-                Some(stage::ListTap::new(lists_in, pictures.every))
-            }
-        };
-
-        let (frames_in, frames_out) = connect(config.links, shutdown, Frame::default);
-        let (maps_in, maps_out) = connect(config.links, shutdown, black);
-        let (lists_in, lists_out) = connect(config.links, shutdown, LightList::default);
-        let (filtered_in, filtered_out) = connect(config.links, shutdown, LightList::default);
-
-        let mut publish = stage::Publish::new(output.writer, output.name, list_tap, list_copies);
+        let board = ends.board.clone();
+        let running = light_graph(config, input, ends, shutdown)?.start()?;
         if let Some(board) = &board {
-            publish = publish.with_board(board.clone(), input.epoch());
+            board.show_stages(running.summary.stages().to_vec());
         }
-        graph.spawn(publish_metrics, publish, filtered_out, Nowhere)?;
-        graph.spawn(filter_metrics, stage::Filter(filter), lists_out, filtered_in)?;
-        graph.spawn(
-            light_metrics,
-            stage::Light::new(extractor, map_taps, board.clone()),
-            maps_out,
-            lists_in,
-        )?;
-        let calibrate = stage::Calibrate::new(frame_to_polar, response, &calibrate_metrics);
-        graph.spawn(calibrate_metrics, calibrate, frames_out, maps_in)?;
-        let recorder = match recording {
-            Some((record, frames, recorder, metrics)) => {
-                recorder::spawn(&mut graph, (record, frames, metrics), false)?;
-                Some(recorder)
-            }
-            None => None,
-        };
-        input.spawn(&mut graph, stage::Tee::new(Some(frames_in), recorder))?;
-        if let Some(board) = &board {
-            board.show_stages(graph.summary().stages().to_vec());
-        }
-        Ok(Self { graph, frame_count })
+        Ok(Self { running, frame_count })
     }
 
     /// Whether a service with this configuration would start, as far as that can be told while another one has the
@@ -169,14 +81,13 @@ impl Service {
     /// # Errors
     /// Those of [`Self::start`].
     pub fn check(config: &Config) -> Result<()> {
-        Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))?;
-        RateFilter::new(&config.filter).map_err(|error| config.locate("filter", error))?;
+        extractor(config)?;
+        filter(config)?;
         camera::calibration(config)?;
         if matches!(config.source, config::Source::Sequence(_)) {
             let input = Input::open(config)?;
             camera::frame_to_polar(config, input.format(), input.name())?;
-            low_pass(input.format().frame_rate_hz, &config.filter)
-                .map_err(|error| config.locate("filter", error))?;
+            taps(config, &input)?;
         }
         Ok(())
     }
@@ -188,11 +99,13 @@ impl Service {
     pub fn record(config: &Config, options: &RecordOptions, shutdown: &Shutdown) -> Result<Self> {
         let input = Input::open(config)?;
         let frame_count = input.frame_count();
+        let metrics = Metrics::new("record");
+        let record = recorder::recorder(config, options, &input, &metrics)?;
+        let link = recorder::recorder_link(options, &input, &metrics, shutdown);
         let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
-        let (record, frames, recorder, metrics) = recorder::recorder(config, options, &input, shutdown)?;
-        recorder::spawn(&mut graph, (record, frames, metrics), true)?;
-        input.spawn(&mut graph, stage::Tee::new(None, Some(recorder)))?;
-        Ok(Self { graph, frame_count })
+        let frames = input.source(&mut graph).copies(link, 1);
+        graph.end(metrics, record, frames, Departure::EndsAll);
+        Ok(Self { running: graph.start()?, frame_count })
     }
 
     /// Gives the first `count` frames of what `config` names to `each`, in the calling thread; fewer where a sequence
@@ -208,11 +121,12 @@ impl Service {
     ) -> Result<()> {
         let input = Input::open(config)?;
         let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
-        let (frames_in, mut frames_out) = link::bounded(LINK_CAPACITY, shutdown, Frame::default);
-        input.spawn(&mut graph, stage::Tee::new(Some(frames_in), None))?;
+        let link = link::bounded(LINK_CAPACITY, shutdown, Frame::default);
+        let mut frames = input.source(&mut graph).next(link);
+        let running = graph.start()?;
         let mut outcome = Ok(());
         for _ in 0..count {
-            let Some(frame) = frames_out.receive() else { break };
+            let Some(frame) = frames.receive() else { break };
             outcome = each(&frame);
             if outcome.is_err() {
                 break;
@@ -221,9 +135,9 @@ impl Service {
         if outcome.is_ok() && shutdown.is_requested() {
             outcome = Err(Error::failed("interrupted before all frames were taken"));
         }
-        drop(frames_out);
+        drop(frames);
         shutdown.request();
-        graph.join(Duration::from_millis(10), || ()).and(outcome)
+        running.join(Duration::from_millis(10), || ()).and(outcome)
     }
 
     /// Frames that the sequence has, readable or not; `None` when it repeats.
@@ -233,7 +147,7 @@ impl Service {
 
     /// What the stages have done so far; it goes on counting while they run.
     pub fn summary(&self) -> Summary {
-        self.graph.summary()
+        self.running.summary.clone()
     }
 
     /// Waits for the end and calls `watch` about every `interval` meanwhile.
@@ -241,34 +155,158 @@ impl Service {
     /// # Errors
     /// The first error in time of any stage.
     pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
-        self.graph.join(interval, watch)
+        self.running.join(interval, watch)
     }
 }
 
-/// Who else gets what a service captures and makes.
-#[derive(Default)]
-pub struct Copies {
-    /// Pictures of maps with their lights.
-    pub pictures: Option<Pictures>,
-    /// The frames as they are captured. Its failure, by a full disk say, ends it alone, and is told in the end.
-    pub recording: Option<RecordOptions>,
-    /// All lists, for a renderer, say; [`list_link`] makes such a link.
-    pub lists: Option<link::Sender<LightList>>,
-    /// All maps that lights are made of, for a view of them. A link that is not `latest` holds up the service.
-    pub maps: Option<link::Sender<PolarMap>>,
-    /// All lists and the newest map, for the clients of a server.
-    pub board: Option<Arc<Board>>,
+/// Everything that makes lights of frames, and everybody who gets them, in the order of the data.
+fn light_graph(config: &Config, input: Input, mut ends: Ends, shutdown: &Shutdown) -> Result<Graph> {
+    let opened = Opened::new(config, &input, &mut ends, shutdown)?;
+    let Ends { maps: maps_in, lists: lists_in, board, pictures, readers, .. } = ends;
+    // Where clients are served, an end that goes or is slow is its own affair.
+    let (waits, departure) = match (&board, config.links) {
+        (None, links) => (links == Links::Replay, Departure::EndsAll),
+        (Some(_), _) => (false, Departure::IsTold),
+    };
+    let files = FileLinks { waits, shutdown };
+    let black = || PolarMap::black(config.map);
+    let epoch = input.epoch();
+
+    let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
+    let frames = input.source(&mut graph);
+    if let Some((metrics, record, link)) = opened.recorder {
+        graph.end(metrics, record, frames.copies(link, 1), Departure::IsTold);
+    }
+
+    let frames = frames.next(connect(config.links, shutdown, Frame::default));
+    let maps = graph.stage(opened.calibrate.0, opened.calibrate.1, frames, black());
+    if let Some(maps_in) = maps_in {
+        maps.copies((maps_in, ()), 1);
+    }
+    if let Some(board) = &board {
+        let link = maps.copies(link::latest(shutdown, black), 1);
+        graph.end(Metrics::new("board-map"), PostMaps(board.clone()), link, Departure::IsTold);
+    }
+    let picture = pictures.map(|Pictures { folder, every }| {
+        // A map waits for its list until the filter lets it out; with less room the maps' stage would wait, and with it
+        // the list that the map waits for.
+        let waiting = u64::from(opened.delay_frames) / every.max(1) + 1;
+        let metrics = Metrics::new("picture");
+        let link = files.link(LINK_CAPACITY + waiting as usize, &metrics, black);
+        (metrics, stage::Picture::new(maps.copies(link, every), folder))
+    });
+
+    let maps = maps.next(connect(config.links, shutdown, black));
+    let lists = graph.stage(Metrics::new("light"), opened.light, maps, LightList::default());
+
+    let lists = lists.next(connect(config.links, shutdown, LightList::default));
+    let filtered = graph.stage(Metrics::new("filter"), opened.filter, lists, LightList::default());
+    if let Some(lists_in) = lists_in {
+        filtered.copies((lists_in, ()), 1);
+    }
+    if let Some(board) = board {
+        let metrics = Metrics::new("board");
+        let link = match config.links {
+            Links::Live => link::lossy(LIST_QUEUE, metrics.drops.clone(), shutdown, LightList::default),
+            Links::Replay => link::bounded(LINK_CAPACITY, shutdown, LightList::default),
+        };
+        graph.end(metrics, PostLists::new(board, epoch), filtered.copies(link, 1), Departure::IsTold);
+    }
+    if let Some(publish) = opened.publish {
+        let metrics = Metrics::new("publish");
+        let link = files.link(LIST_QUEUE, &metrics, LightList::default);
+        graph.end(metrics, publish, filtered.copies(link, 1), departure);
+    }
+    if let Some((metrics, picture)) = picture {
+        let link = files.link(LINK_CAPACITY, &metrics, LightList::default);
+        graph.end(metrics, picture, filtered.copies(link, 1), departure);
+    }
+    for ListReader { metrics, stage } in readers {
+        let link = connect(config.links, shutdown, LightList::default);
+        graph.end(metrics, stage, filtered.copies(link, 1), departure);
+    }
+    Ok(graph)
 }
 
-/// A link for copies of the lists that a service publishes: a live service never waits for its reader, who gets the
-/// newest; a replay loses nothing.
-pub fn list_link(
-    config: &Config,
-    shutdown: &Shutdown,
-) -> (link::Sender<LightList>, link::Receiver<LightList>) {
-    connect(config.links, shutdown, LightList::default)
+type Recorder = (Arc<Metrics>, stage::Record, (link::Sender<Frame>, link::Receiver<Frame>));
+
+/// What can fail, opened and checked before a thread is started.
+struct Opened {
+    calibrate: (Arc<Metrics>, stage::Calibrate),
+    light: stage::Light,
+    filter: stage::Filter,
+    delay_frames: u32,
+    recorder: Option<Recorder>,
+    publish: Option<stage::Publish<Box<dyn Write + Send>>>,
 }
 
+impl Opened {
+    /// The output comes last: a start that fails leaves an old file alone.
+    fn new(config: &Config, input: &Input, ends: &mut Ends, shutdown: &Shutdown) -> Result<Self> {
+        let (frame_to_polar, response) = camera::frame_to_polar(config, input.format(), input.name())?;
+        let metrics = Metrics::new("calibrate");
+        let calibrate = stage::Calibrate::new(frame_to_polar, response, &metrics);
+        let (light, filter) = (stage::Light(extractor(config)?), stage::Filter(filter(config)?));
+        let delay_frames = taps(config, input)?.delay_frames();
+        let recorder = match &ends.recording {
+            None => None,
+            Some(options) => {
+                let metrics = Metrics::new("record");
+                let record = recorder::recorder(config, options, input, &metrics)?;
+                let link = recorder::recorder_link(options, input, &metrics, shutdown);
+                Some((metrics, record, link))
+            }
+        };
+        if let Some(Pictures { folder, .. }) = &ends.pictures {
+            std::fs::create_dir_all(folder).map_err(|error| {
+                Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
+            })?;
+        }
+        let publish = match ends.output.take() {
+            None => None,
+            Some(Output { name, open }) => Some(stage::Publish::new(open()?, name)),
+        };
+        Ok(Self { calibrate: (metrics, calibrate), light, filter, delay_frames, recorder, publish })
+    }
+}
+
+fn extractor(config: &Config) -> Result<Extractor> {
+    Extractor::new(config.map, &config.lights).map_err(|error| config.locate("lights", error))
+}
+
+fn filter(config: &Config) -> Result<RateFilter> {
+    RateFilter::new(&config.filter).map_err(|error| config.locate("filter", error))
+}
+
+/// The filter designs its taps when it sees the first list; what no taps can do is told before.
+fn taps(config: &Config, input: &Input) -> Result<Taps> {
+    low_pass(input.format().frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))
+}
+
+/// Links to what writes files.
+struct FileLinks<'a> {
+    /// Whether the service waits for them.
+    waits: bool,
+    shutdown: &'a Shutdown,
+}
+
+impl FileLinks<'_> {
+    /// A link of `capacity` items; those that find no room where nobody waits are drops of `metrics`.
+    fn link<T: Item>(
+        &self,
+        capacity: usize,
+        metrics: &Metrics,
+        make: impl FnMut() -> T,
+    ) -> (link::Sender<T>, link::Receiver<T>) {
+        if self.waits {
+            link::bounded(capacity, self.shutdown, make)
+        } else {
+            link::lossy(capacity, metrics.drops.clone(), self.shutdown, make)
+        }
+    }
+}
+
+/// A link of the chain: a live service never waits for its reader, who gets the newest; a replay loses nothing.
 fn connect<T: Item>(
     links: Links,
     shutdown: &Shutdown,
@@ -279,3 +317,6 @@ fn connect<T: Item>(
         Links::Replay => link::bounded(LINK_CAPACITY, shutdown, make),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,16 +1,12 @@
 //! Recordings of what a service captures.
 
 use super::camera;
-use super::graph::Graph;
 use super::input::Input;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::rt::{Metrics, Shutdown, link};
-use crate::stage::{Record, Recorder};
-use lightcast_core::camera::Response;
-use lightcast_core::image::Frame;
+use crate::stage::Record;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// What to record.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,7 +45,7 @@ pub enum RecordSamples {
     Half,
 }
 
-/// Makes the recorder and the way to it. It ends by itself when its source has ended.
+/// Makes the recorder. It ends by itself when its source has ended.
 ///
 /// # Errors
 /// `Usage`: the folder is not empty, half floats are wanted where no response is known or of a mosaic.
@@ -57,9 +53,8 @@ pub(super) fn recorder(
     config: &Config,
     options: &RecordOptions,
     input: &Input,
-    shutdown: &Shutdown,
-) -> Result<(Record, link::Receiver<Frame>, Recorder, Arc<Metrics>)> {
-    let metrics = Metrics::new("record");
+    metrics: &Metrics,
+) -> Result<Record> {
     let response = camera::response(config)?;
     let table = match options.samples {
         RecordSamples::AsCaptured => None,
@@ -68,10 +63,21 @@ pub(super) fn recorder(
     // A calibration's text is JSON.
     let calibration = camera::calibration(config)?.and_then(|own| serde_json::from_str(&own.to_json()).ok());
     let recording = input.recording(calibration);
-    let record = Record::new(options.folder.clone(), recording, table, options.frames_max, &metrics)?;
-    let (frames, receiver) = link::bounded(options.queue, shutdown, Frame::default);
-    let recorder = Recorder { frames, dropped: metrics.drops.clone(), waits: input.waits() };
-    Ok((record, receiver, recorder, metrics))
+    Record::new(options.folder.clone(), recording, table, options.frames_max, metrics)
+}
+
+/// The way to a recorder: files wait for it, a camera cannot.
+pub(super) fn recorder_link(
+    options: &RecordOptions,
+    input: &Input,
+    metrics: &Metrics,
+    shutdown: &Shutdown,
+) -> (link::Sender<Frame>, link::Receiver<Frame>) {
+    if input.waits() {
+        link::bounded(options.queue, shutdown, Frame::default)
+    } else {
+        link::lossy(options.queue, metrics.drops.clone(), shutdown, Frame::default)
+    }
 }
 
 /// Radiance by code.
@@ -89,13 +95,4 @@ fn table(input: &Input, response: &Response) -> Result<Vec<f32>> {
         );
     }
     Ok(response.table().to_vec())
-}
-
-/// Runs a recorder: beside a service, its failure ends the recording and is told in the end; alone, its end is the end.
-pub(super) fn spawn(
-    graph: &mut Graph,
-    (record, frames, metrics): (Record, link::Receiver<Frame>, Arc<Metrics>),
-    is_alone: bool,
-) -> Result<()> {
-    graph.spawn_aside(metrics, record, frames, is_alone, Record::finish)
 }

@@ -27,17 +27,17 @@ impl Summary {
         &self.stages
     }
 
-    /// Something that grows as long as the service is well: the lists that have left it, and the attempts to start a
+    /// Something that grows as long as the service is well: the lists that it has made, and the attempts to start a
     /// camera that is away.
     pub fn progress(&self) -> u64 {
         let counters = self.stage("source").map(Metrics::counters).unwrap_or_default();
         let attempts = counters.iter().find(|(name, _)| *name == ATTEMPTS).map_or(0, |counter| counter.1);
-        self.lists_published() + attempts
+        self.lists_made() + attempts
     }
 
-    /// Light lists that have left the service.
-    pub fn lists_published(&self) -> u64 {
-        self.stage("publish").map_or(0, |publish| publish.frames.get())
+    /// Filtered light lists, whoever takes them.
+    pub fn lists_made(&self) -> u64 {
+        self.stage("filter").map_or(0, |filter| filter.frames.get())
     }
 
     /// What the stage of this name has done.

@@ -1,6 +1,6 @@
 use crate::error::{Error, Kind, Result};
 use crate::rt::stage::{Flow, Stage, Tick};
-use crate::rt::{Clock, Counter, Metrics, Shutdown};
+use crate::rt::{BackOff, Clock, Counter, Metrics, Shutdown};
 use crate::source::{BadBuffer, Camera, Captured, Numbering};
 use lightcast_core::image::Frame;
 use std::time::Duration;
@@ -50,8 +50,8 @@ pub struct Capture<C> {
     clock: Clock,
     shutdown: Shutdown,
     state: State,
-    /// Attempts to start since the camera was well.
-    attempts: u32,
+    /// Attempts to start since the camera was well: the first comes at once, since most losses are hiccups.
+    attempts: BackOff,
     /// Time of the clock at the last start.
     started_ns: i64,
     numbering: Numbering,
@@ -63,7 +63,7 @@ enum State {
     /// Has to be started.
     Away,
     /// Started; the last buffer, or the start, was at this time of the clock.
-    Streaming { heard_ns: i64 },
+    Streaming { last_activity_ns: i64 },
 }
 
 /// Frames that were lost, by who lost them. What slow readers lose is counted where they read.
@@ -102,7 +102,7 @@ impl<C: Camera> Capture<C> {
             clock: clock.clone(),
             shutdown: shutdown.clone(),
             state: State::Away,
-            attempts: 0,
+            attempts: BackOff::new(patience.first_wait, patience.longest_wait),
             started_ns: 0,
             numbering: Numbering::new(frame_rate_hz),
             counters: Counters::new(metrics),
@@ -111,22 +111,21 @@ impl<C: Camera> Capture<C> {
 
     /// One attempt to start, after the wait that is due.
     fn start(&mut self) -> Result<()> {
-        let until_ns = self.clock.now_ns().saturating_add(self.wait_ns());
-        if self.attempts > 0 && !self.clock.wait_until(until_ns, &self.shutdown) {
+        let until_ns = self.clock.now_ns().saturating_add(nanoseconds(self.attempts.wait()));
+        if self.attempts.attempts() > 0 && !self.clock.wait_until(until_ns, &self.shutdown) {
             return Ok(());
         }
-        self.attempts = self.attempts.saturating_add(1);
+        self.attempts.attempt();
         self.counters.attempts.add(1);
         match self.camera.start() {
             Ok(()) => {
                 self.started_ns = self.clock.now_ns();
-                self.state = State::Streaming { heard_ns: self.started_ns };
+                self.state = State::Streaming { last_activity_ns: self.started_ns };
                 Ok(())
             }
             Err(error) if error.kind() == Kind::LostDevice => {
-                // The first, second, fourth, eighth... time: a camera that is away for days does not fill the log.
-                if self.attempts.is_power_of_two() {
-                    tracing::warn!("{error}; trying again (attempt {})", self.attempts);
+                if self.attempts.is_worth_telling() {
+                    tracing::warn!("{error}; trying again (attempt {})", self.attempts.attempts());
                 }
                 Ok(())
             }
@@ -134,17 +133,10 @@ impl<C: Camera> Capture<C> {
         }
     }
 
-    /// Wait before the next attempt: the first comes at once, since most losses are hiccups.
-    fn wait_ns(&self) -> i64 {
-        let doublings = self.attempts.saturating_sub(1).min(16);
-        let wait = self.patience.first_wait.saturating_mul(1 << doublings).min(self.patience.longest_wait);
-        nanoseconds(wait)
-    }
-
     fn lose(&mut self, error: &Error) {
         self.counters.restarts.add(1);
         // As for attempts: a camera that dies again and again does not fill the log.
-        if self.attempts <= 1 || self.attempts.is_power_of_two() {
+        if self.attempts.attempts() == 0 || self.attempts.is_worth_telling() {
             tracing::warn!("{error}; starting it again");
         }
         self.camera.stop();
@@ -153,7 +145,7 @@ impl<C: Camera> Capture<C> {
     }
 
     /// Waits once for the camera; whether `frame` has the next frame.
-    fn glance(&mut self, heard_ns: i64, frame: &mut Frame) -> Result<bool> {
+    fn glance(&mut self, last_activity_ns: i64, frame: &mut Frame) -> Result<bool> {
         let captured = match self.camera.capture(GLANCE, frame) {
             Ok(captured) => captured,
             Err(error) if error.kind() == Kind::LostDevice => {
@@ -165,7 +157,7 @@ impl<C: Camera> Capture<C> {
         let now_ns = self.clock.now_ns();
         let numbered = match captured {
             Captured::Nothing => {
-                if now_ns.saturating_sub(heard_ns) >= nanoseconds(self.patience.silence) {
+                if now_ns.saturating_sub(last_activity_ns) >= nanoseconds(self.patience.silence) {
                     let seconds = self.patience.silence.as_secs_f64();
                     self.lose(&Error::lost_device(format!("the camera gave nothing for {seconds} s")));
                 }
@@ -189,12 +181,12 @@ impl<C: Camera> Capture<C> {
                 numbered
             }
         };
-        self.state = State::Streaming { heard_ns: now_ns };
+        self.state = State::Streaming { last_activity_ns: now_ns };
         let Some(numbered) = numbered else { return Ok(false) };
         self.counters.dropped_by_kernel.add(numbered.dropped_by_kernel);
         self.counters.missed_while_away.add(numbered.missed_while_away);
         if now_ns.saturating_sub(self.started_ns) >= nanoseconds(self.patience.recovery) {
-            self.attempts = 0;
+            self.attempts.succeeded();
         }
         frame.stamp = numbered.stamp;
         Ok(true)
@@ -209,8 +201,8 @@ impl<C: Camera> Stage for Capture<C> {
         while !self.shutdown.is_requested() {
             match self.state {
                 State::Away => self.start()?,
-                State::Streaming { heard_ns } => {
-                    if self.glance(heard_ns, frame)? {
+                State::Streaming { last_activity_ns } => {
+                    if self.glance(last_activity_ns, frame)? {
                         return Ok(Flow::Send);
                     }
                 }

@@ -14,16 +14,16 @@ mod source;
 pub use calibrate::Calibrate;
 pub use capture::{ATTEMPTS, Capture, Patience};
 pub use filter::Filter;
-pub use light::{Light, MapTap};
+pub use light::Light;
 pub use picture::Picture;
-pub use publish::{ListTap, Publish};
-pub use record::{Record, Recorder, Recording, SIDECAR, Tee, radiance_within_half};
+pub use publish::Publish;
+pub use record::{Record, Recording, SIDECAR, radiance_within_half};
 #[cfg(feature = "render")]
 pub use render::{Files, PictureWriter, Render};
 pub use source::Source;
 
 use crate::light::LightList;
-use crate::rt::link::Item;
+use crate::rt::link::{Copied, Item};
 use lightcast_core::image::{Frame, PolarMap};
 
 impl Item for Frame {
@@ -33,6 +33,16 @@ impl Item for Frame {
 
     fn lose(&mut self, count: u64) {
         self.stamp.lost_before += count;
+    }
+}
+
+impl Copied for Frame {
+    fn copy_from(&mut self, other: &Self) {
+        self.copy_from(other);
+    }
+
+    fn sequence(&self) -> Option<u64> {
+        Some(self.stamp.sequence)
     }
 }
 
@@ -46,6 +56,17 @@ impl Item for PolarMap {
     }
 }
 
+impl Copied for PolarMap {
+    fn copy_from(&mut self, other: &Self) {
+        (self.stamp, self.shape) = (other.stamp, other.shape);
+        self.pixels.clone_from(&other.pixels);
+    }
+
+    fn sequence(&self) -> Option<u64> {
+        Some(self.stamp.sequence)
+    }
+}
+
 impl Item for LightList {
     fn lost_before(&self) -> u64 {
         self.stamp.lost_before
@@ -53,5 +74,17 @@ impl Item for LightList {
 
     fn lose(&mut self, count: u64) {
         self.stamp.lost_before += count;
+    }
+}
+
+impl Copied for LightList {
+    fn copy_from(&mut self, other: &Self) {
+        self.copy_from(other);
+    }
+
+    /// That of the frame whose lights it describes, which the filter delays; `None`, or a number before that of the first
+    /// frame, while the filter fills up.
+    fn sequence(&self) -> Option<u64> {
+        self.stamp.sequence.checked_sub(u64::from(self.filter_delay_frames))
     }
 }

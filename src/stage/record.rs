@@ -1,87 +1,12 @@
 use crate::error::{Error, Result};
 use crate::files::{replace_file, write_recorded_exr};
-use crate::rt::link::{Closed, Sender};
-use crate::rt::stage::{Flow, Outlet, Stage};
+use crate::rt::stage::{Flow, Stage};
 use crate::rt::{Counter, Metrics};
 use lightcast_core::image::{Bayer, Frame, Pixels};
 use serde::Serialize;
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
-
-/// Outlet of a source: its frames go on to the next stage, and copies of them to a recorder that never makes the
-/// source wait. What the recorder has no room for is counted and missing in the recording.
-pub struct Tee {
-    /// The next stage; `None` where there is nothing but the recorder.
-    frames: Option<Sender<Frame>>,
-    /// The buffer in use where there is no next stage.
-    own: Frame,
-    recorder: Option<Recorder>,
-}
-
-/// The way to a recorder.
-pub struct Recorder {
-    /// A bounded link.
-    pub frames: Sender<Frame>,
-    /// Frames that it had no room for.
-    pub dropped: Counter,
-    /// Whether the source can wait until there is room: files can, a camera cannot.
-    pub waits: bool,
-}
-
-impl Recorder {
-    fn offer(&mut self, frame: &Frame) -> Result<(), Closed> {
-        if self.waits {
-            let mut copy = self.frames.take()?;
-            copy.copy_from(frame);
-            return self.frames.send(copy);
-        }
-        let Some(mut copy) = self.frames.try_take()? else {
-            self.dropped.add(1);
-            return Ok(());
-        };
-        copy.copy_from(frame);
-        if !self.frames.try_send(copy)? {
-            self.dropped.add(1);
-        }
-        Ok(())
-    }
-}
-
-impl Tee {
-    /// Frames to `frames`, copies to `recorder`.
-    pub fn new(frames: Option<Sender<Frame>>, recorder: Option<Recorder>) -> Self {
-        Self { frames, own: Frame::default(), recorder }
-    }
-}
-
-impl Outlet for Tee {
-    type Item = Frame;
-
-    fn take(&mut self) -> Result<Frame, Closed> {
-        match &mut self.frames {
-            Some(frames) => frames.take(),
-            None => Ok(std::mem::take(&mut self.own)),
-        }
-    }
-
-    fn send(&mut self, frame: Frame) -> Result<(), Closed> {
-        // A recording that has ended, by a full disk say, does not end the capture, unless nobody else wants it.
-        if let Some(recorder) = &mut self.recorder
-            && recorder.offer(&frame).is_err()
-        {
-            self.recorder = None;
-        }
-        match &mut self.frames {
-            Some(frames) => frames.send(frame),
-            None if self.recorder.is_none() => Err(Closed),
-            None => {
-                self.own = frame;
-                Ok(())
-            }
-        }
-    }
-}
 
 /// What is known of a recording beside its frames; part of the file `recording.json` beside them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -202,15 +127,6 @@ impl Record {
         })
     }
 
-    /// Ends the recording: the file beside the frames says how many there are, and whether it ended in order.
-    ///
-    /// # Errors
-    /// `Failed`: the file cannot be written.
-    pub fn finish(&mut self, is_complete: bool) -> Result<()> {
-        self.sidecar.is_complete = is_complete;
-        self.write_sidecar()
-    }
-
     fn write_sidecar(&self) -> Result<()> {
         replace_file(&self.folder.join(SIDECAR), |writer| {
             serde_json::to_writer_pretty(&mut *writer, &self.sidecar)
@@ -245,6 +161,12 @@ impl Stage for Record {
             self.write_sidecar()?;
         }
         Ok(Flow::Send)
+    }
+
+    /// The file beside the frames says how many there are, and whether the recording ended in order.
+    fn finish(&mut self, is_complete: bool) -> Result<()> {
+        self.sidecar.is_complete = is_complete;
+        self.write_sidecar()
     }
 }
 

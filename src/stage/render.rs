@@ -1,20 +1,23 @@
-use super::picture::Due;
 use crate::error::Result;
 use crate::files::{write_exr, write_png8};
 use crate::light::LightList;
 use crate::render::Renderer;
+use crate::rt::fan_out::Every;
+use crate::rt::link::Copied;
 use crate::rt::stage::{Flow, Stage};
 use crate::scene::Camera;
 use lightcast_core::image::{Frame, Pixels};
 use std::path::{Path, PathBuf};
 
-/// Renders lists into numbered picture files.
+/// Renders lists into picture files that are numbered as the lists.
 pub struct Render {
     renderer: Renderer,
     camera: Camera,
     samples: u32,
     files: Files,
-    due: Due,
+    every: Every,
+    /// Sequence number of the first list.
+    first: Option<u64>,
     last_time_ns: Option<i64>,
     writer: PictureWriter,
 }
@@ -36,10 +39,20 @@ pub struct PictureWriter {
 }
 
 impl Render {
-    /// Pictures of `samples` samples a pixel, of the first list in every block of `every` sequence numbers.
+    /// Pictures of `samples` samples a pixel, of the lists that describe the first frame in every block of `every`
+    /// sequence numbers: the same lists with which maps are drawn.
     pub fn new(renderer: Renderer, camera: Camera, samples: u32, files: Files, every: u64) -> Self {
         let writer = PictureWriter::default();
-        Self { renderer, camera, samples, files, due: Due::new(every), last_time_ns: None, writer }
+        Self {
+            renderer,
+            camera,
+            samples,
+            files,
+            every: Every::new(every),
+            first: None,
+            last_time_ns: None,
+            writer,
+        }
     }
 }
 
@@ -47,9 +60,11 @@ impl Stage for Render {
     type Input = LightList;
     type Output = ();
 
-    /// The scene moves with the capture time of the lists, not with the time that passes.
+    /// The scene moves with the capture time of the lists, not with the time that passes. Lists from before the first
+    /// frame, with which a filter begins, count only where every list does.
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
-        if !self.due.is_due(list.stamp.sequence) {
+        let first = *self.first.get_or_insert(list.stamp.sequence);
+        if !self.every.is_due(list.sequence().filter(|&sequence| sequence >= first)) {
             return Ok(Flow::Send);
         }
         let time_ns = list.stamp.capture_time_ns;

@@ -64,7 +64,7 @@ impl Inset {
 
     /// Makes the picture anew in the size that suits a window of this size at the next [`Self::update`].
     pub fn resize(&mut self, window_px: [u32; 2]) {
-        let width = width_px(window_px, self.map.shape.theta_max_rad);
+        let width = width_px(window_px, self.map.shape.theta_max_rad());
         self.background = (width > 0).then(|| MapBackground::new(&self.map, width as usize));
         self.shown = None;
     }

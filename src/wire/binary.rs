@@ -1,12 +1,13 @@
-//! Lists as bytes: 14 for a light. ARCHITECTURE.md, "The protocol", has the layout.
+//! Lists as bytes: 14 for a light. `docs/protocol.md` has the layout.
 
 #[cfg(test)]
 mod tests;
 
+use super::limits::{MOST_IRRADIANCE, MOST_POWER};
 use super::quantity::{Scale, decode_direction, encode_direction};
 use super::{Delivery, Message};
 use crate::error::{Error, Result};
-use crate::light::{Light, LightList, MAX_LIGHTS, MOST_IRRADIANCE, MOST_POWER};
+use crate::light::{Light, LightList, MAX_LIGHTS};
 use lightcast_core::image::Stamp;
 use std::f64::consts::PI;
 use std::fmt::LowerExp;
@@ -28,12 +29,13 @@ const MAX_PREFIX_ERRORS: usize = 64;
 
 /// The part of a message that all clients of a list share: every byte from 48 on.
 ///
-/// Numbers that cannot be sent are replaced: NaN, infinity and what is negative as 0, irradiances above
+/// An error that was not measured is sent as 0. Numbers that cannot be sent are replaced: NaN, infinity and what is negative as 0, irradiances above
 /// 1e30 and powers above 1e36 as these, spreads above pi as pi; a direction that is none is sent as +Y. What this gives,
 /// [`decode`] takes.
 ///
 /// # Errors
-/// A light whose id is above 65,535; two lights of one id; more than [`MAX_LIGHTS`] lights or 64 prefix errors.
+/// A light whose id is above 65,535; two lights of one id; more than [`MAX_LIGHTS`] lights or 64 prefix
+/// errors.
 pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
     body.clear();
     let (lights, prefix_errors) = (&list.lights, &list.prefix_errors);
@@ -70,7 +72,7 @@ pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
         body.extend_from_slice(&sound(power).min(MOST_POWER).to_le_bytes());
     }
     body.extend_from_slice(&list.filter_delay_frames.to_le_bytes());
-    body.extend_from_slice(&sound_f32(list.error).to_le_bytes());
+    body.extend_from_slice(&sound_f32(list.error.unwrap_or(0.0)).to_le_bytes());
     body.extend_from_slice(&brightest.to_le_bytes());
     body.extend_from_slice(&(prefix_errors.len() as u16).to_le_bytes());
     body.extend_from_slice(&(lights.len() as u16).to_le_bytes());
@@ -92,7 +94,8 @@ pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-/// Puts a message together from what [`encode_list`] gave and the rest. The capture times are sent if both are known.
+/// Puts a message together from what [`encode_list`] gave and the rest. The capture times are sent if both
+/// are known.
 pub fn encode(body: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     let Delivery { lost, capture_monotonic_ns, capture_utc_ns, sent_monotonic_ns, sent_utc_ns } = *delivery;
     let (flags, capture) = match (capture_monotonic_ns, capture_utc_ns) {
@@ -111,8 +114,8 @@ pub fn encode(body: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     message.extend_from_slice(body);
 }
 
-/// Takes a message apart, into the storage that `message` has. Flags that are unknown are passed over, and what a longer
-/// header has after byte 120.
+/// Takes a message apart, into the storage that `message` has. Flags that are unknown are passed over, and
+/// what a longer header has after byte 120.
 ///
 /// # Errors
 /// Says which byte is wrong; `message` is then as it was. Everything is looked at before anything is stored.
@@ -135,7 +138,7 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     let list = &mut message.list;
     (list.stamp, list.filter_delay_frames) = (header.stamp, header.filter_delay_frames);
     list.chosen_lights = None;
-    (list.power, list.error) = (header.power, header.error);
+    (list.power, list.error) = (header.power, Some(header.error));
     list.reference_irradiance.clear();
     list.prefix_errors.clear();
     list.prefix_errors.extend(

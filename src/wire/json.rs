@@ -1,8 +1,7 @@
-//! Lists as JSON: what [`LightList::write_json_line`] writes, without the line's end and with one key more at the end,
+//! Messages as JSON: a list as [`write_list`](super::write_list) writes it with one key more at the end,
 //! `"stream":{...}`, a [`Delivery`]. A program that knows lists and no streams reads it as a list.
-//!
-//! [`LightList::write_json_line`]: crate::light::LightList::write_json_line
 
+use super::list::read_list_with;
 use super::{Delivery, MESSAGE_MAX_BYTES, Message};
 use crate::error::{Error, Result};
 
@@ -24,13 +23,12 @@ pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
 /// Takes a message apart.
 ///
 /// # Errors
-/// Those of [`LightList::read_json`](crate::light::LightList::read_json); a `stream` that is missing or wrong; more
-/// than [`MESSAGE_MAX_BYTES`].
+/// Those of [`read_list`](super::read_list); a `stream` that is missing or wrong; more than [`MESSAGE_MAX_BYTES`].
 pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     if bytes.len() > MESSAGE_MAX_BYTES {
         return Err(Error::failed(format!("has more than {MESSAGE_MAX_BYTES} bytes: no list has")));
     }
-    match message.list.read_json_with(bytes)? {
+    match read_list_with(bytes, &mut message.list)? {
         Some(delivery) => message.delivery = delivery,
         None => return Err(Error::failed("has no key `stream`: it is a list, but no message")),
     }
@@ -39,6 +37,7 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{read_list, write_list_line};
     use super::*;
     use crate::light::{Light, LightList};
     use lightcast_core::image::Stamp;
@@ -53,7 +52,7 @@ mod tests {
 
     fn line_of(list: &LightList) -> Vec<u8> {
         let mut line = Vec::new();
-        list.write_json_line(&mut line).unwrap();
+        write_list_line(list, &mut line).unwrap();
         line
     }
 
@@ -87,7 +86,7 @@ mod tests {
         );
         // A program that knows lists and no streams.
         let mut read = LightList::default();
-        read.read_json(&text).unwrap();
+        read_list(&text, &mut read).unwrap();
         assert_eq!(read, list);
     }
 
@@ -97,7 +96,8 @@ mod tests {
         let [line, back] = there_and_back(&list);
         assert_eq!(line, back);
 
-        // Every float from 0 to 1e30 is one that a list may have: steps that meet all exponents, and the awkward ones.
+        // Every float from 0 to 1e30 is one that a list may have: steps that meet all exponents, and the
+        // awkward ones.
         let mut floats: Vec<f32> = (0..1e30_f32.to_bits()).step_by(150_001).map(f32::from_bits).collect();
         floats.extend([1e30, f32::MIN_POSITIVE, 0.1, 1.0 / 3.0, 16_777_216.0, 1e-45, 9.999_999e22, -0.0]);
         list.lights = floats
@@ -116,7 +116,8 @@ mod tests {
             lost_before: u64::MAX,
             frame_rate_hz: 30e3 / 1001.0,
         };
-        (list.filter_delay_frames, list.chosen_lights, list.error) = (u32::MAX, Some(u32::MAX), f32::MAX);
+        (list.filter_delay_frames, list.chosen_lights, list.error) =
+            (u32::MAX, Some(u32::MAX), Some(f32::MAX));
         for power in [0.1 + 0.2, 5e-324, 1e36, 9_007_199_254_740_993.0, 2.225_073_858_507_201e-308] {
             list.power = [power, f64::from(f32::MAX.sqrt()), -0.0];
             list.prefix_errors = vec![(0, 0.0), (u32::MAX, 1e-45), (1, power as f32)];

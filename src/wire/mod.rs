@@ -1,13 +1,18 @@
-//! Messages between the server and its clients, as text and as bytes (ARCHITECTURE.md, "The protocol").
+//! Messages between the server and its clients, as text and as bytes (`docs/protocol.md`).
 //!
-//! The server sends one list a message: in the subprotocol [`JSON`] the list as [`LightList`] writes it with one key
+//! The server sends one list a message: in the subprotocol [`JSON`] the list as [`write_list`] writes it with one key
 //! more, `stream`; in [`BINARY`] the layout of [`binary`]. What a client asks for is a [`Subscription`].
 
 pub mod binary;
 pub mod json;
+mod limits;
+mod list;
+mod list_file;
 mod quantity;
 mod subscription;
 
+pub use list::{read_list, write_list, write_list_line};
+pub use list_file::ListFile;
 pub use subscription::{Demand, QUEUE_MAX, Subscription};
 
 use crate::light::LightList;
@@ -19,17 +24,18 @@ pub const JSON: &str = "lightcast.v1.json";
 pub const BINARY: &str = "lightcast.v1.bin";
 /// Most bytes of a message from a client; the longest that is of use has a hundred.
 pub const DEMAND_MAX_BYTES: usize = 4096;
-/// Most bytes of a message to a client: [`crate::light::MAX_LIGHTS`] lights of some 150 bytes each, twice over.
+/// Most bytes of a message to a client: [`crate::light::MAX_LIGHTS`] lights of some 150 bytes each, twice
+/// over.
 pub const MESSAGE_MAX_BYTES: usize = 1 << 23;
 
-/// What every message says beside its list: when, and what the client has missed. Monotonic times are those of the
-/// server's clock `CLOCK_MONOTONIC`; UTC in nanoseconds since 1970.
+/// What every message says beside its list: when, and what the client has missed. Monotonic times are those
+/// of the server's clock `CLOCK_MONOTONIC`; UTC in nanoseconds since 1970.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Delivery {
     /// Lists that this client should have had since its last message and was too slow for.
     pub lost: u64,
-    /// When the frame was captured, or would have been: a replay captures its frames as it plays them. `None` for a
-    /// replay as fast as it goes.
+    /// When the frame was captured, or would have been: a replay captures its frames as it plays them. `None`
+    /// for a replay as fast as it goes.
     pub capture_monotonic_ns: Option<i64>,
     /// The same in UTC.
     pub capture_utc_ns: Option<i64>,

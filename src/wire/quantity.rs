@@ -1,4 +1,4 @@
-//! Numbers in 16 bits: quantities on a logarithmic scale, directions on the octahedron (ARCHITECTURE.md, "The protocol").
+//! Numbers in 16 bits: quantities on a logarithmic scale, directions on the octahedron (`docs/protocol.md`).
 
 /// Steps of the scale that double a quantity.
 const STEPS: f64 = 1024.0;
@@ -20,8 +20,8 @@ impl Scale {
         Self { top, log_top: top.log2() }
     }
 
-    /// The nearest code, by ratio; 0 for what is below the smallest code by more than half a step, for what is negative,
-    /// and for NaN. What is above `top` gets the code of `top`.
+    /// The nearest code, by ratio; 0 for what is below the smallest code by more than half a step, for what
+    /// is negative, and for NaN. What is above `top` gets the code of `top`.
     pub fn encode(self, value: f32) -> u16 {
         // The cast saturates.
         if value > 0.0 && self.top > 0.0 {
@@ -37,7 +37,8 @@ impl Scale {
     }
 }
 
-/// Codes `[u, v]` of a direction, which need not have length 1; straight up where it is none: zero, or not finite.
+/// Codes `[u, v]` of a direction, which need not have length 1; straight up where it is none: zero, or not
+/// finite.
 pub fn encode_direction(direction: [f32; 3]) -> [u16; 2] {
     let [x, y, z] = direction.map(f64::from);
     let length = x.abs() + y.abs() + z.abs();

@@ -17,7 +17,8 @@ pub struct Subscription {
     pub lights: Option<u32>,
     /// So many lists a second at most; `None`: all.
     pub rate_hz: Option<f64>,
-    /// The shortest prefix whose published error is under this; the longest that `lights` allows where none is.
+    /// The shortest prefix whose published error is under this; the longest that `lights` allows where none
+    /// is.
     pub error: Option<f32>,
     /// So many lists wait for a slow client, 1 to 64; one that is further behind gets the newest next. 1, the
     /// default, is for those who show light, more for those who record it.

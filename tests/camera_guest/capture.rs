@@ -1,4 +1,5 @@
-//! The product's camera alone: what it captures is what was written, and what it is told about the device is so.
+//! The product's camera alone: what it captures is what was written, and what it is told about the device is
+//! so.
 
 use crate::frames::{codes, lamp};
 use crate::kernel::{Layout, Node};

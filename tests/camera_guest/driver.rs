@@ -1,5 +1,5 @@
-//! What the other checks rest on: the drivers carry pictures unchanged, and every fault can be had. Seen through the `v4l`
-//! crate alone, so that a failure here is not the product's.
+//! What the other checks rest on: the drivers carry pictures unchanged, and every fault can be had. Seen
+//! through the `v4l` crate alone, so that a failure here is not the product's.
 
 use crate::frames::noise;
 use crate::kernel::Layout;

@@ -2,8 +2,8 @@
 
 use crate::kernel::Layout;
 
-/// Pixels without any order, so that a byte that goes astray is seen; 16-bit words that keep to `mask`. It stays for
-/// good: a driver may hold on to it.
+/// Pixels without any order, so that a byte that goes astray is seen; 16-bit words that keep to `mask`. It
+/// stays for good: a driver may hold on to it.
 pub fn noise(layout: Layout, seed: u32, mask: u16) -> &'static [u8] {
     words(layout, seed, mask).leak()
 }
@@ -21,8 +21,8 @@ fn words(layout: Layout, seed: u32, mask: u16) -> Vec<u8> {
     bytes
 }
 
-/// A lamp in front of darker noise; the lamp moves with every `number`, so that no two pictures have the same lights.
-/// Codes up to `mask`.
+/// A lamp in front of darker noise; the lamp moves with every `number`, so that no two pictures have the same
+/// lights. Codes up to `mask`.
 pub fn lamp(layout: Layout, number: u32, mask: u16) -> &'static [u8] {
     let mut bytes = words(layout, number, mask >> 3);
     let side = layout.height / 16;

@@ -120,7 +120,8 @@ impl Node {
         Ok(request.count)
     }
 
-    /// Hands `picture` to the driver as buffer `index`. It has to stay until that index is dequeued or the stream ends.
+    /// Hands `picture` to the driver as buffer `index`. It has to stay until that index is dequeued or the
+    /// stream ends.
     pub fn queue_output(&self, index: u32, picture: &'static [u8]) -> io::Result<()> {
         let length = u32::try_from(picture.len()).map_err(io::Error::other)?;
         let mut buffer = v4l2_buffer {

@@ -12,8 +12,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use lightcast::config::Config;
 use lightcast::files::read;
 use lightcast::rt::Shutdown;
-use lightcast::service::{Copies, Output, RecordOptions, Service};
-use lightcast_core::image::{Bayer, Frame, Pixels};
+use lightcast::service::{Ends, Output, RecordOptions, Service};
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -22,8 +21,8 @@ use std::time::Duration;
 /// Lists of a sequence, played from a fresh filter.
 fn replay(config: &Config) -> String {
     let lines = Lines::default();
-    let output = Output { writer: Box::new(lines.clone()), name: "memory".to_owned() };
-    let service = Service::start(config, || Ok(output), Copies::default(), &Shutdown::new()).unwrap();
+    let ends = Ends { output: Some(Output::new("memory", lines.clone())), ..Ends::default() };
+    let service = Service::start(config, ends, &Shutdown::new()).unwrap();
     service.join(Duration::from_millis(5), || ()).unwrap();
     lines.text()
 }
@@ -72,7 +71,9 @@ fn lists_of_16_bits_are_those_of_the_written_pictures() {
         writer.write(picture);
         live.until("captured", |live| live.frames() == number as u64 + 1);
     }
-    live.until("written", |live| live.summary().lists_published() == pictures.len() as u64);
+    live.until("written", |live| {
+        live.summary().stage("publish").unwrap().frames.get() == pictures.len() as u64
+    });
     let ended = live.end();
     assert_eq!(ended.stamps.len(), pictures.len(), "{}", ended.summary);
     assert_eq!(ended.longest_gap(), 0);

@@ -6,7 +6,7 @@ use crate::messages;
 use lightcast::config::Config;
 use lightcast::error::Result;
 use lightcast::rt::Shutdown;
-use lightcast::service::{Copies, Input, Output, RecordOptions, Service, Summary};
+use lightcast::service::{Ends, Input, Output, RecordOptions, Service, Summary};
 use std::env;
 use std::fs;
 use std::io::{self, Write};
@@ -140,9 +140,9 @@ impl Live {
 
     pub fn start_with(config: &Config, input: Input, recording: Option<RecordOptions>) -> Self {
         let (lines, shutdown, threads) = (Lines::default(), Shutdown::new(), threads());
-        let output = Output { writer: Box::new(lines.clone()), name: "memory".to_owned() };
-        let copies = Copies { recording, ..Copies::default() };
-        let service = Service::start_with(config, input, || Ok(output), copies, &shutdown).unwrap();
+        let output = Some(Output::new("memory", lines.clone()));
+        let ends = Ends { recording, output, ..Ends::default() };
+        let service = Service::start_with(config, input, ends, &shutdown).unwrap();
         Self { summary: service.summary(), service, shutdown, lines, threads }
     }
 

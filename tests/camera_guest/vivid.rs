@@ -1,5 +1,5 @@
-//! vivid, the kernel's own test driver: its HDMI output looped to its HDMI input, and the faults that it can be told to
-//! have.
+//! vivid, the kernel's own test driver: its HDMI output looped to its HDMI input, and the faults that it can
+//! be told to have.
 
 use crate::kernel::{Layout, Node};
 use crate::loopback::wait;
@@ -94,7 +94,8 @@ pub struct Output {
 }
 
 impl Output {
-    /// Loops output to input with nothing drawn over it, and fixes the format. The capturing side sets the same.
+    /// Loops output to input with nothing drawn over it, and fixes the format. The capturing side sets the
+    /// same.
     pub fn open(layout: Layout) -> Self {
         let capture = Node::open(&capture_path().unwrap()).unwrap();
         capture.set_control("Loop Video", 1).unwrap();

@@ -1,5 +1,5 @@
-//! Damaged messages: whatever comes from the network, taking it apart neither panics nor takes more memory than a small
-//! multiple of its length.
+//! Damaged messages: whatever comes from the network, taking it apart neither panics nor takes more memory
+//! than a small multiple of its length.
 //!
 //! Every decoder gets mutations of sound messages and made-up bytes, with fixed seeds. Environment variable
 //! `LIGHTCAST_FUZZ_INPUTS`: how many inputs in total; `make fuzz` runs ten million.
@@ -93,7 +93,8 @@ fn fault_in(message: &Message) -> Option<String> {
             && (0.0..=std::f32::consts::PI).contains(&light.spread_rad)
     });
     let is_error = |error: f32| error >= 0.0 && error.is_finite();
-    let errors_sound = list.prefix_errors.iter().all(|&(_, error)| is_error(error)) && is_error(list.error);
+    let errors_sound =
+        list.prefix_errors.iter().all(|&(_, error)| is_error(error)) && list.error.is_none_or(is_error);
     let power_sound = list.power.iter().all(|v| (0.0..=1e36).contains(v));
     let mut ids: Vec<u32> = list.lights.iter().map(|light| light.id).collect();
     ids.sort_unstable();
@@ -233,7 +234,8 @@ fn mutated_queries_never_panic() {
             "&", "=", "%", "%00", "%ff", "+", "lights=", "rate_hz=", "error=", "queue=", "1e999", "nan",
             "inf", "-0",
         ],
-        // Text is made of the bytes, keys and values are decoded one by one, and an error says one of them again.
+        // Text is made of the bytes, keys and values are decoded one by one, and an error says one of them
+        // again.
         asked_per_byte: 12,
         decode: |bytes, taken| {
             taken.subscription = Subscription::from_query(&String::from_utf8_lossy(bytes))?;

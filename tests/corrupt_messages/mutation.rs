@@ -16,7 +16,8 @@ impl XorShift {
     }
 }
 
-/// Changes some bytes, puts pieces in, takes ranges out or doubles them, or cuts; every eighth time all is made up.
+/// Changes some bytes, puts pieces in, takes ranges out or doubles them, or cuts; every eighth time all is
+/// made up.
 pub fn mutate(input: &mut Vec<u8>, sound: &[Vec<u8>], pieces: &[&str], random: &mut XorShift) {
     input.clear();
     if random.below(8) == 0 {

@@ -1,4 +1,5 @@
-//! The page and the JavaScript client in a browser, as their users see them. Pictures of the page go to `target/page`.
+//! The page and the JavaScript client in a browser, as their users see them. Pictures of the page go to
+//! `target/page`.
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
@@ -130,7 +131,8 @@ fn the_slider_changes_the_number_of_lights(browser: &Browser) {
     browser.until("document.body.dataset.lights === '64'");
 }
 
-/// The least of the errors that are shown for a while: where the sequence begins again, the light jumps, and the error too.
+/// The least of the errors that are shown for a while: where the sequence begins again, the light jumps, and
+/// the error too.
 fn least_error(browser: &Browser) -> f64 {
     let mut least = f64::INFINITY;
     for _ in 0..30 {
@@ -163,8 +165,8 @@ fn malformed(golden: &[u8]) -> Vec<(Vec<u8>, &'static str)> {
     patches.map(patched).into()
 }
 
-/// The message that pins the protocol is what its JSON says; one that is cut short is refused, and one that cannot be;
-/// lists come as JSON too.
+/// The message that pins the protocol is what its JSON says; one that is cut short is refused, and one that
+/// cannot be; lists come as JSON too.
 fn the_client_reads_messages(browser: &Browser) {
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
     let bytes = std::fs::read(golden.join("message.bin")).unwrap();

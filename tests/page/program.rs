@@ -18,7 +18,8 @@ pub struct Program {
 }
 
 impl Program {
-    /// Plays the bundled sequence again and again to `address`, where port 0 is any free one, to whoever knows the token.
+    /// Plays the bundled sequence again and again to `address`, where port 0 is any free one, to whoever
+    /// knows the token.
     pub fn start(address: &str, token: Option<&str>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let replay = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/day");

@@ -63,7 +63,8 @@ fn a_second_signal_ends_a_run_at_once_that_cannot_end_by_itself() {
     let text = std::fs::read_to_string(recording.configuration()).unwrap();
     std::fs::write(recording.configuration(), text.replace("count = 24", "count = 2000")).unwrap();
     let mut child = recording.command().spawn().unwrap();
-    // A list of 2000 lights does not fit into a pipe: with one byte read and no more, its writing waits for ever.
+    // A list of 2000 lights does not fit into a pipe: with one byte read and no more, its writing waits for
+    // ever.
     let mut reader = child.stdout.take().unwrap();
     reader.read_exact(&mut [0]).unwrap();
     send("INT", &child);

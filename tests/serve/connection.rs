@@ -103,7 +103,7 @@ pub fn list(sequence: u64, count: u32) -> LightList {
         .collect();
     list.power = list.sum_of_lights();
     list.prefix_errors = vec![(8, 0.1), (16, 0.04), (32, 0.015), (64, 0.004), (count, 0.001)];
-    list.error = 0.001;
+    list.error = Some(0.001);
     list
 }
 

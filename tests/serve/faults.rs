@@ -27,7 +27,7 @@ fn still_serves(posting: &Posting) {
 }
 
 #[test]
-fn a_client_that_dies_in_the_middle_of_a_message_leaves_its_place() {
+fn a_client_that_dies_in_the_middle_of_a_message_frees_its_connection_slot() {
     let posting = Posting::new(ServerOptions::default());
     posting.post(0..1);
     let mut client = posting.client("");
@@ -205,7 +205,7 @@ fn what_is_asked_for_wrongly_is_told() {
 }
 
 #[test]
-fn more_clients_than_places_are_sent_away() {
+fn more_clients_than_connection_slots_are_sent_away() {
     let posting = Posting::new(ServerOptions { clients_max: 2, ..ServerOptions::default() });
     let first = posting.client("");
     let _second = posting.client("");

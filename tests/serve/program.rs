@@ -5,8 +5,8 @@ use crate::recording::{Recording, lightcast, lists};
 use lightcast::config::Config;
 use lightcast::net::{Board, Client, ClientOptions, Server, ServerOptions};
 use lightcast::rt::{Metrics, Shutdown};
-use lightcast::service::{Copies, Output, Service};
-use lightcast::wire::{Message, Subscription, binary};
+use lightcast::service::{Ends, Output, Service};
+use lightcast::wire::{Message, Subscription, binary, read_list, write_list, write_list_line};
 use std::io::{self, BufRead, BufReader, Write};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -132,9 +132,8 @@ fn whole_recording(is_binary: bool) -> (Vec<String>, Vec<Message>) {
     wait_until(|| get(server.address(), "/metrics", &[]).1.contains("\nlightcast_clients 1"));
     let written = Shared::default();
     let writer = written.clone();
-    let output = || Ok(Output { writer: Box::new(writer), name: "memory".into() });
-    let copies = Copies { board: Some(board), ..Copies::default() };
-    let service = Service::start(&config, output, copies, &Shutdown::new()).unwrap();
+    let ends = Ends { board: Some(board), output: Some(Output::new("memory", writer)), ..Ends::default() };
+    let service = Service::start(&config, ends, &Shutdown::new()).unwrap();
     service.join(Duration::from_millis(10), || ()).unwrap();
     server.stop().unwrap();
     shutdown.request();
@@ -151,7 +150,7 @@ fn over_a_whole_recording_a_client_gets_what_the_service_writes() {
     let mut last_ns = 0;
     for (line, message) in lines.iter().zip(&messages) {
         let mut got = Vec::new();
-        message.list.write_json(&mut got).unwrap();
+        write_list(&message.list, &mut got).unwrap();
         assert_eq!(*line, String::from_utf8(got).unwrap());
         let delivery = message.delivery;
         let age_ns = delivery.sent_monotonic_ns - delivery.capture_monotonic_ns.unwrap();
@@ -167,7 +166,7 @@ fn as_bytes_every_list_of_a_recording_is_within_the_stated_precision() {
     assert_eq!((lines.len(), messages.len()), (100, 100));
     for (line, message) in lines.iter().zip(&messages) {
         let mut exact = lightcast::light::LightList::default();
-        exact.read_json(line.as_bytes()).unwrap();
+        read_list(line.as_bytes(), &mut exact).unwrap();
         let got = &message.list;
         assert_eq!((got.stamp, got.power, got.error), (exact.stamp, exact.power, exact.error));
         assert_eq!((&got.prefix_errors, got.lights.len()), (&exact.prefix_errors, exact.lights.len()));
@@ -265,7 +264,10 @@ fn the_token_stands_in_no_message() {
     assert_eq!(code, Some(0), "{let_in}");
     let said = running.end();
     assert!(!said.contains(token) && !refused.contains(token) && !let_in.contains(token));
-    for line in said.lines().take_while(|line| line.starts_with('{')) {
+    // After the messages comes the summary.
+    let messages: Vec<&str> = said.lines().take_while(|line| line.starts_with('{')).collect();
+    assert!(messages.iter().any(|line| line.contains("TRACE")), "no message of the lowest level: {said}");
+    for line in messages {
         let message: serde_json::Value = serde_json::from_str(line).unwrap();
         assert!(message["timestamp"].is_string() && message["level"].is_string(), "{line}");
     }
@@ -294,7 +296,7 @@ fn watch_renders_what_a_file_of_the_same_list_gives() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let mut line = Vec::new();
-    crate::connection::list(3, 100).write_json_line(&mut line).unwrap();
+    write_list_line(&crate::connection::list(3, 100), &mut line).unwrap();
     std::fs::write(at("list.jsonl"), line).unwrap();
     let options = ["--size", "48x36", "--samples", "1", "--output"];
     let mut render = lightcast();

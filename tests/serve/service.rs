@@ -5,6 +5,7 @@ use crate::program::Running;
 use crate::recording::Recording;
 use std::fs;
 use std::os::unix::net::UnixDatagram;
+use std::path::Path;
 use std::time::Duration;
 use tokio_tungstenite::tungstenite::WebSocket;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
@@ -80,27 +81,18 @@ fn systemd_is_told_and_its_watchdog_is_fed_by_lists_alone() {
     let path = recording.path().join("notify");
     let systemd = UnixDatagram::bind(&path).unwrap();
     systemd.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-    // Lists go into a pipe that is read for a while only: then the service hangs in its last stage.
-    let pipe = recording.path().join("pipe");
-    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let reader = {
-        let pipe = pipe.clone();
-        std::thread::Builder::new().name("pipe".into()).spawn(move || fs::File::open(pipe).unwrap()).unwrap()
-    };
     let mut command = recording.command();
-    command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&pipe);
-    command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "400000");
+    command.args(["--listen", "127.0.0.1:0"]).env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "400000");
     let running = Running::start(&mut command);
-    let mut file = reader.join().unwrap();
     let first = told(&systemd).unwrap();
     assert!(first.contains("READY=1") && first.contains("STATUS=lists flow"), "{first}");
-    let mut fed = 0;
-    while fed < 5 {
-        // A pipe holds 64 kB; this leaves room for what comes.
-        let _ = std::io::Read::read(&mut file, &mut [0; 1 << 16]);
-        fed += u32::from(told(&systemd).unwrap() == "WATCHDOG=1");
+    for _ in 0..5 {
+        assert_eq!(told(&systemd).unwrap(), "WATCHDOG=1");
     }
-    // Nobody reads any more: within the room of the pipe it goes on, and then the watchdog starves.
+    // A frame that is a pipe into which nobody writes: the source hangs, and then the watchdog starves.
+    let pipe = recording.path().join("pipe");
+    make_pipe(&pipe);
+    fs::rename(&pipe, recording.file(3)).unwrap();
     systemd.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
     let mut more = 0;
     while let Some(message) = told(&systemd) {
@@ -108,8 +100,46 @@ fn systemd_is_told_and_its_watchdog_is_fed_by_lists_alone() {
         more += 1;
         assert!(more < 200, "it is fed although nothing gets on");
     }
-    drop(file);
     drop(running);
+}
+
+fn make_pipe(path: &Path) {
+    assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+}
+
+#[test]
+fn a_reader_of_the_output_that_has_stopped_holds_up_no_client_no_reload_and_no_end() {
+    let recording = endless();
+    let pipe = recording.path().join("lists");
+    make_pipe(&pipe);
+    let reader = {
+        let pipe = pipe.clone();
+        let open = move || fs::File::open(pipe).unwrap();
+        std::thread::Builder::new().name("pipe".into()).spawn(open).unwrap()
+    };
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&pipe);
+    let mut running = Running::start(&mut command);
+    let stalled = reader.join().unwrap();
+    let mut socket = client(&running);
+    // More than the pipe (64 kB) and the queue for it (128 lists) hold.
+    let lists: Vec<_> = (0..200).map(|_| next_json(&mut socket)).collect();
+    assert!(lists.iter().all(|list| list["stream"]["lost"] == 0), "{lists:?}");
+    let captured_ns = |list: &serde_json::Value| list["stream"]["capture_monotonic_ns"].as_i64().unwrap();
+    let rate_hz = 199e9 / (captured_ns(&lists[199]) - captured_ns(&lists[0])) as f64;
+    println!("{rate_hz:.2} lists a second beside a stalled reader of --output");
+    assert!((24.9..25.1).contains(&rate_hz), "{rate_hz}");
+    let metrics = get(running.address, "/metrics", &[]).1;
+    let dropped = |line: &&str| line.starts_with("lightcast_stage_drops") && line.contains("\"publish\"");
+    let dropped = metrics.lines().find(dropped).unwrap_or_else(|| panic!("{metrics}"));
+    assert!(!dropped.ends_with(" 0"), "what the reader misses is counted: {dropped}");
+    running.signal("HUP");
+    running.wait_for("its reader takes nothing any more");
+    assert_eq!(light_count(&mut socket), 24);
+    running.signal("TERM");
+    let code = running.child.wait().unwrap().code();
+    assert_eq!(code, Some(1), "what was not written is told: {}", running.said());
+    drop(stalled);
 }
 
 #[test]

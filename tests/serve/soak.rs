@@ -1,5 +1,6 @@
-//! Clients of all kinds come and go while a replay loops: memory, file handles and threads of the service stay what they
-//! are. Thirty rounds, or as many seconds as `LIGHTCAST_SOAK_S` says; `make soak-clients` says an hour.
+//! Clients of all kinds come and go while a replay loops: memory, file handles and threads of the service
+//! stay what they are. Thirty rounds, or as many seconds as `LIGHTCAST_SOAK_S` says; `make soak-clients` says
+//! an hour.
 
 use crate::connection::{connect, get, wait_until};
 use crate::program::Running;
@@ -104,7 +105,8 @@ fn clients_that_come_and_go_leave_nothing_behind() {
     wait_until(|| get(running.address, "/metrics", &[]).1.contains("\nlightcast_clients 0"));
     let first = first.unwrap();
     let mut last = holdings(&running);
-    // Those who come and go now and then have files open; when all have gone there is the listener and what was there.
+    // Those who come and go now and then have files open; when all have gone there is the listener and what
+    // was there.
     wait_until(|| {
         last = holdings(&running);
         last.files <= first.files

@@ -3,7 +3,7 @@
 use crate::connection::{Posting, close_code, connect, get, list, next_json};
 use lightcast::net::{Client, ClientOptions, ServerOptions};
 use lightcast::rt::{Metrics, Shutdown, monotonic_ns};
-use lightcast::wire::{Message as List, Subscription, binary};
+use lightcast::wire::{Message as List, Subscription, binary, write_list};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio_tungstenite::tungstenite::Message;
@@ -44,7 +44,7 @@ fn the_json_of_a_message_without_its_last_key_is_the_line_of_the_list() {
     let Message::Text(text) = client.read().unwrap() else { panic!("no text") };
     let (head, _) = text.rsplit_once(",\"stream\":").unwrap();
     let mut line = Vec::new();
-    list(7, 100).write_json(&mut line).unwrap();
+    write_list(&list(7, 100), &mut line).unwrap();
     assert_eq!(format!("{head}}}"), String::from_utf8(line).unwrap());
     assert_eq!(get(posting.address(), "/lights", &[]), (200, format!("{head}}}")));
 }
@@ -169,8 +169,8 @@ fn the_programs_client_gets_what_was_posted_to_the_byte_as_json_and_rounded_as_b
     assert_eq!(json.len(), 100);
     for (sequence, message) in json.iter().enumerate() {
         let (mut line, mut expected) = (Vec::new(), Vec::new());
-        message.list.write_json(&mut line).unwrap();
-        list(sequence as u64, 100).write_json(&mut expected).unwrap();
+        write_list(&message.list, &mut line).unwrap();
+        write_list(&list(sequence as u64, 100), &mut expected).unwrap();
         assert_eq!(line, expected);
     }
     for (message, exact) in taken(true, 100).iter().zip(&json) {

@@ -59,15 +59,15 @@ fn average(
 ) -> PolarMap {
     let z = |theta: f64| 2.0 * (0.5 * theta).sin().powi(2);
     let rows = overlaps(
-        shape.rows,
+        shape.rows(),
         |i| z(shape.theta_edge_rad(i)),
         height,
         |i| z(std::f64::consts::PI * i as f64 / height as f64),
     );
     // File column u in [0, 1) is phi = 2 pi u - pi/2. Two turns of the file cover [0, 1) of the map.
     let columns = overlaps(
-        shape.columns,
-        |i| i as f64 / shape.columns as f64,
+        shape.columns(),
+        |i| i as f64 / shape.columns() as f64,
         2 * width,
         |i| i as f64 / width as f64 - 0.25,
     );
@@ -148,7 +148,7 @@ pub fn hard_maps() -> Vec<(&'static str, PolarMap)> {
         ),
         (
             "220 degree lens",
-            PolarMap::from_fn(PolarShape { theta_max_rad: 110f64.to_radians(), ..shape }, |row, column| {
+            PolarMap::from_fn(PolarShape::new(36, 9, 110f64.to_radians()).unwrap(), |row, column| {
                 [(row * column) as f32, 1.0, 0.5]
             }),
         ),

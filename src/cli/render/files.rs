@@ -4,8 +4,8 @@ use super::lists::{Origin, Reader};
 use super::values::Target;
 use super::{Arguments, camera, lights_of_map, no_reference, renderer, samples};
 use crate::cli::input::Input;
-use crate::cli::messages::PROGRESS;
 use crate::cli::panorama::{map_shape, read_panorama};
+use crate::cli::progress::Progress;
 use crate::cli::signals::SignalWatch;
 use crate::error::{Error, Result};
 use crate::light::LightList;
@@ -13,7 +13,6 @@ use crate::render::emitters;
 use crate::rt::stage::{self as stages, Nowhere, Stage};
 use crate::rt::{Clock, Metrics, Shutdown};
 use crate::stage::{Files, PictureWriter, Render};
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
 
 pub(super) fn run(arguments: &Arguments, input: &Input, target: &Target) -> Result<()> {
@@ -24,17 +23,17 @@ pub(super) fn run(arguments: &Arguments, input: &Input, target: &Target) -> Resu
 }
 
 fn render_panorama(arguments: &Arguments, panorama: &Path, target: &Target) -> Result<()> {
-    let map = read_panorama(panorama, map_shape(arguments.resolution, arguments.hemisphere))?;
+    let map = read_panorama(panorama, map_shape(arguments.resolution, arguments.hemisphere)?)?;
     let mut renderer = renderer(arguments)?;
     let camera = camera(arguments, &renderer)?;
     if arguments.reference {
         let lights = emitters(&map);
-        let bar = PROGRESS.add(bar("emitters", Some(lights.len() as u64)));
+        let progress = Progress::of(Some(lights.len() as u64), "emitters");
         renderer.draw_reference(&lights, &camera, samples(arguments), |done| {
-            bar.set_position(done as u64);
+            progress.set_position(done as u64);
             true
         })?;
-        bar.finish_and_clear();
+        progress.finish();
     } else {
         let lights = lights_of_map(arguments, renderer.scene(), &map)?;
         renderer.draw(&lights, &camera, samples(arguments))?;
@@ -74,12 +73,12 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
             None => Err(Error::failed("gave no light list").at(input.name())),
         },
         Target::Folder(folder) => {
-            let bar = PROGRESS.add(bar("lists", lists.count));
+            let progress = Progress::of(lists.count, "lists");
             let files = Files { folder: folder.clone(), are_exr: false };
             let render = Render::new(renderer, camera, samples(arguments), files, arguments.every);
-            let shown = Shown { render, bar: bar.clone() };
+            let shown = Shown { render, progress: progress.clone() };
             let outcome = stages::run(shown, lists.link, Nowhere, &Clock::real(), &shutdown, &metrics);
-            bar.finish_and_clear();
+            progress.finish();
             outcome
         }
     };
@@ -91,7 +90,7 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
 /// A stage that shows how far it is.
 struct Shown {
     render: Render,
-    bar: ProgressBar,
+    progress: Progress,
 }
 
 impl Stage for Shown {
@@ -99,7 +98,7 @@ impl Stage for Shown {
     type Output = ();
 
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<stages::Flow> {
-        self.bar.inc(1 + list.stamp.lost_before);
+        self.progress.inc(1 + list.stamp.lost_before);
         self.render.step(list, &mut ())
     }
 }
@@ -109,14 +108,4 @@ fn make(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|error| {
         Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
     })
-}
-
-fn bar(what: &str, length: Option<u64>) -> ProgressBar {
-    let (bar, template) = match length {
-        Some(length) => {
-            (ProgressBar::new(length), format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left"))
-        }
-        None => (ProgressBar::new_spinner(), format!("{{spinner}} {{pos}} {what}, {{elapsed}}")),
-    };
-    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

@@ -2,14 +2,14 @@
 
 use super::Arguments;
 use crate::cli::input::{Input, open_lists};
-use crate::config::{Config, Pace};
+use crate::config::{Config, Links, Pace};
 use crate::error::{Error, Result};
-use crate::light::{LightList, ListFile};
+use crate::light::LightList;
 use crate::net::{Client, ClientOptions};
 use crate::rt::link::{self, Receiver, Sender};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
-use crate::service::{Copies, Output, Service, Summary, list_link};
-use crate::wire;
+use crate::service::{Ends, Service, Summary};
+use crate::wire::{self, ListFile};
 use lightcast_core::image::{PolarMap, PolarShape};
 use std::io::{self, Write as _};
 use std::sync::Arc;
@@ -154,11 +154,14 @@ fn start_file(
 }
 
 fn start_service(mut config: Config, reader: Reader, ending: &Shutdown) -> Result<(Lists, Running)> {
-    let mut copies = Copies::default();
+    let mut ends = Ends::default();
     let (link, maps) = match reader {
         Reader::Files => {
-            let (sender, link) = list_link(&config, ending);
-            copies.lists = Some(sender);
+            let (sender, link) = match config.links {
+                Links::Live => link::latest(ending, LightList::default),
+                Links::Replay => link::bounded(LISTS_AHEAD, ending, LightList::default),
+            };
+            ends.lists = Some(sender);
             (link, None)
         }
         Reader::Window => {
@@ -166,12 +169,11 @@ fn start_service(mut config: Config, reader: Reader, ending: &Shutdown) -> Resul
             config.pace = Pace::RealTime;
             let (sender, link) = link::latest(ending, LightList::default);
             let (maps_in, maps) = link::latest(ending, || PolarMap::black(config.map));
-            (copies.lists, copies.maps) = (Some(sender), Some(maps_in));
+            (ends.lists, ends.maps) = (Some(sender), Some(maps_in));
             (link, Some(maps))
         }
     };
-    let nowhere = || Ok(Output { writer: Box::new(io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(&config, nowhere, copies, ending)?;
+    let service = Service::start(&config, ends, ending)?;
     let lists = Lists { link, maps, shape: config.map, count: service.frame_count() };
     Ok((lists, Running::Service(service)))
 }

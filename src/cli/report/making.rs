@@ -6,6 +6,7 @@ use super::inputs::{Inputs, Made, Map, Moving};
 use super::pictures::{Drawing, with_pictures};
 use super::{Arguments, print};
 use crate::cli::messages::PROGRESS;
+use crate::cli::progress::Progress;
 use crate::compare::sequence_methods::{LIGHTS, SequenceMethod, is_published};
 use crate::compare::stability;
 use crate::compare::still_methods::{METHODS, are_published};
@@ -15,14 +16,13 @@ use crate::report::table::Table;
 use crate::report::tables::{self, Origin};
 use crate::report::{folder, sequence_table, stills};
 use crate::rt::Shutdown;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::Path;
 
 /// A report that is being made.
 pub(super) struct Report<'a> {
     arguments: &'a Arguments,
     shutdown: &'a Shutdown,
-    bar: ProgressBar,
+    progress: Progress,
     document: Document,
     /// What draws pictures, where there are to be any.
     #[cfg(feature = "render")]
@@ -35,12 +35,10 @@ impl<'a> Report<'a> {
         let mut counts = arguments.lights.clone();
         counts.sort_unstable();
         counts.dedup();
-        let style = ProgressStyle::with_template("{bar:40} {percent}% {msg}, {elapsed}")
-            .unwrap_or_else(|_| ProgressStyle::default_bar());
         Self {
             arguments,
             shutdown,
-            bar: PROGRESS.add(ProgressBar::new(0)).with_style(style),
+            progress: Progress::in_percent(0),
             document: Document::new(command_line(), counts),
             #[cfg(feature = "render")]
             drawing: None,
@@ -50,11 +48,11 @@ impl<'a> Report<'a> {
 
     /// Opens all inputs and what draws pictures; `None` when it was interrupted.
     pub fn open(&mut self) -> Result<Option<Inputs>> {
-        let reading = |name: &str| self.bar.set_message(format!("reading {name}"));
+        let reading = |name: &str| self.progress.set_message(format!("reading {name}"));
         let inputs = Inputs::open(self.arguments, self.shutdown, reading);
         // An error is told below the bar.
-        let Some(inputs) = inputs.inspect_err(|_| self.bar.finish_and_clear())? else {
-            self.bar.finish_and_clear();
+        let Some(inputs) = inputs.inspect_err(|_| self.progress.finish())? else {
+            self.progress.finish();
             return Ok(None);
         };
         let counts = self.document.lights.len();
@@ -63,7 +61,7 @@ impl<'a> Report<'a> {
         #[cfg(feature = "render")]
         let rows = {
             self.drawing = Drawing::open(self.arguments, &mut self.document, inputs.maps.len())
-                .inspect_err(|_| self.bar.finish_and_clear())?;
+                .inspect_err(|_| self.progress.finish())?;
             rows + self.drawing.as_ref().map_or(0, |drawing| drawing.rows(inputs.maps.len()))
         };
         #[cfg(not(feature = "render"))]
@@ -71,7 +69,7 @@ impl<'a> Report<'a> {
             self.document.pictures_skipped =
                 Some("this program was built without its renderer (feature `render`).".to_owned());
         }
-        self.bar.set_length(rows as u64);
+        self.progress.set_length(rows as u64);
         Ok(Some(inputs))
     }
 
@@ -80,10 +78,10 @@ impl<'a> Report<'a> {
         let mut rows = Vec::new();
         for (done, map) in (1..).zip(&inputs.maps) {
             let origin = self.origin_of_map(map);
-            self.bar.set_message(format!("map {}", origin.name));
-            let (counts, shutdown, bar) = (&self.document.lights, self.shutdown, &self.bar);
+            self.progress.set_message(format!("map {}", origin.name));
+            let (counts, shutdown, progress) = (&self.document.lights, self.shutdown, &self.progress);
             let goes_on = || {
-                bar.inc(1);
+                progress.inc(1);
                 !shutdown.is_requested()
             };
             let Some((table, of_map)) = tables::of_map(origin, map.for_lights(), counts, goes_on)? else {
@@ -119,9 +117,10 @@ impl<'a> Report<'a> {
     fn pictures(&mut self, mut drawing: Drawing, maps: &[Map]) -> Result<bool> {
         for (done, map) in (1..).zip(maps) {
             let origin = self.origin_of_map(map);
-            self.bar.set_message(format!("pictures under {}", origin.name));
-            let (shutdown, bar) = (self.shutdown, &self.bar);
-            let Some(table) = drawing.draw(origin, map, || !shutdown.is_requested(), || bar.inc(1))? else {
+            self.progress.set_message(format!("pictures under {}", origin.name));
+            let (shutdown, progress) = (self.shutdown, &self.progress);
+            let Some(table) = drawing.draw(origin, map, || !shutdown.is_requested(), || progress.inc(1))?
+            else {
                 return Ok(false);
             };
             let command = with_pictures(&of_maps(self.arguments, maps[..done].iter()));
@@ -137,14 +136,15 @@ impl<'a> Report<'a> {
     /// The table of a sequence; its rows beside published figures, where it has these, are added to `published`.
     fn sequence(&mut self, moving: &mut Moving, published: &mut Vec<sequence_table::Row>) -> Result<bool> {
         let name = moving.name();
-        self.bar.set_message(format!("reading {name}"));
+        self.progress.set_message(format!("reading {name}"));
         let Some(sequence) = moving.read(self.arguments, self.shutdown)? else { return Ok(false) };
-        self.bar.set_message(format!("sequence {name}"));
+        self.progress.set_message(format!("sequence {name}"));
         let origin = Origin { name, command: of_sequence(self.arguments, moving) };
-        let (shutdown, bar) = (self.shutdown, &self.bar);
+        let (shutdown, progress) = (self.shutdown, &self.progress);
         let goes_on = || !shutdown.is_requested();
         let counts = &self.document.lights;
-        let Some((table, known)) = tables::of_sequence(origin, &sequence, counts, &goes_on, || bar.inc(1))?
+        let Some((table, known)) =
+            tables::of_sequence(origin, &sequence, counts, &goes_on, || progress.inc(1))?
         else {
             return Ok(false);
         };
@@ -195,7 +195,7 @@ impl<'a> Report<'a> {
     /// On the page only: they do not depend on the inputs and have an option of their own.
     fn hard_cases(&mut self) -> Result<bool> {
         if !self.arguments.tables {
-            self.bar.set_message("hard cases");
+            self.progress.set_message("hard cases");
             self.document.stability = stability::measure(|| !self.shutdown.is_requested())?;
             self.save()?;
         }
@@ -209,7 +209,7 @@ impl<'a> Report<'a> {
     /// Shows a table's lines and keeps it; whether to go on.
     fn add(&mut self, lines: Vec<String>, keep: impl FnOnce(&mut Document)) -> Result<bool> {
         self.show(&lines)?;
-        tracing::info!("{}: measured", self.bar.message());
+        tracing::info!("{}: measured", self.progress.message());
         keep(&mut self.document);
         self.save()?;
         Ok(self.goes_on())
@@ -237,7 +237,7 @@ impl<'a> Report<'a> {
 
     /// Says what was found, and where the page is.
     pub fn finish(&mut self, is_complete: bool) -> Result<()> {
-        self.bar.finish_and_clear();
+        self.progress.finish();
         self.document.is_complete = is_complete;
         let document = &self.document;
         if !document.is_complete && self.is_read {

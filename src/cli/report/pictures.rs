@@ -83,7 +83,11 @@ impl Drawing {
         table.notes = format!(
             "The built-in scene in {} x {} pixels, maps of {} x {}, at most {MOST_LIGHTS} lights; drawn by {}. The time is \
              that of the lights, not of the picture.",
-            SIZE[0], SIZE[1], SHAPE.columns, SHAPE.rows, self.adapter
+            SIZE[0],
+            SIZE[1],
+            SHAPE.columns(),
+            SHAPE.rows(),
+            self.adapter
         );
         Ok(Some(table))
     }

@@ -4,7 +4,7 @@ use crate::compare::still_methods::SHAPE;
 use crate::config::{Config, Links, Pace, Source as ConfiguredSource};
 use crate::error::{Error, Kind, Result};
 use crate::rt::{Shutdown, link};
-use crate::service::{Copies, Output, Service};
+use crate::service::{Ends, Service};
 use crate::source::{Next, Sequence, SequenceOptions, Source};
 use glam::DMat3;
 use lightcast_core::camera::{FrameToPolar, Projection, Response};
@@ -92,9 +92,7 @@ fn configuration(path: &Path) -> Result<(Config, (usize, f64))> {
 fn run(config: &Config, limit: usize, shutdown: &Shutdown) -> Result<Vec<PolarMap>> {
     let own = Shutdown::new();
     let (sender, mut receiver) = link::bounded(2, &own, || PolarMap::black(SHAPE));
-    let copies = Copies { maps: Some(sender), ..Copies::default() };
-    let nowhere = || Ok(Output { writer: Box::new(std::io::sink()), name: "nowhere".to_owned() });
-    let service = Service::start(config, nowhere, copies, &own)?;
+    let service = Service::start(config, Ends { maps: Some(sender), ..Ends::default() }, &own)?;
     let mut maps = Vec::new();
     while maps.len() < limit && !shutdown.is_requested() {
         let Some(map) = receiver.receive() else { break };

@@ -1,5 +1,6 @@
 use crate::error::{Error, Result};
 use crate::light::LightList;
+use crate::wire::write_list_line;
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -35,7 +36,7 @@ impl Lines {
         }
         let place = || format!("list {}", list.stamp.sequence);
         self.line.clear();
-        list.write_json_line(&mut self.line)
+        write_list_line(list, &mut self.line)
             .map_err(|error| Error::failed("cannot be put into JSON").because(error).at(place()))?;
         if let Some((file, path)) = &mut self.file {
             file.write_all(&self.line).map_err(|error| {

@@ -26,7 +26,7 @@ impl Selection {
             std::mem::swap(&mut list.lights, &mut self.joined);
             list.prefix_errors.retain(|&(length, _)| length as usize <= count);
             let published = list.prefix_errors.last().filter(|&&(length, _)| length as usize == count);
-            list.error = published.map_or(0.0, |&(_, error)| error);
+            list.error = published.map(|&(_, error)| error);
             list.chosen_lights = list.chosen_lights.map(|chosen| chosen.min(count as u32));
         }
         true
@@ -42,7 +42,7 @@ mod tests {
         let mut list = LightList::default();
         list.lights.extend((0..8).map(light));
         list.prefix_errors.extend([(2, 0.5), (4, 0.25), (8, 0.125)]);
-        list.error = 0.125;
+        list.error = Some(0.125);
         (list.stamp.capture_time_ns, list.stamp.frame_rate_hz) = (time_ns, 25.0);
         list
     }
@@ -55,7 +55,7 @@ mod tests {
             let subscription = Subscription { lights, error, ..Subscription::default() };
             let mut short = list(0);
             assert!(Selection::new(subscription).take(&mut short));
-            assert_eq!((short.lights.len(), short.error), (count, expected));
+            assert_eq!((short.lights.len(), short.error), (count, Some(expected)));
             assert_eq!(short.sum_of_lights(), [8.0; 3]);
             assert_eq!(short.prefix_errors.last(), Some(&(count as u32, expected)));
         }

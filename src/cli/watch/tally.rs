@@ -18,7 +18,7 @@ pub(super) struct Tally {
     ages_ns: Vec<i64>,
     sequence: u64,
     light_count: usize,
-    error: f32,
+    error: Option<f32>,
 }
 
 /// Ages that are kept of a second.
@@ -35,7 +35,7 @@ impl Tally {
             ages_ns: Vec::new(),
             sequence: 0,
             light_count: 0,
-            error: 0.0,
+            error: None,
         }
     }
 
@@ -89,10 +89,10 @@ impl Tally {
             return "no list".to_owned();
         }
         let mut line = format!(
-            "sequence {:>8}  {:>5} lights  error {:.5}  {:>6.1} lists/s",
+            "sequence {:>8}  {:>5} lights  error {}  {:>6.1} lists/s",
             self.sequence,
             self.light_count,
-            self.error,
+            self.error.map_or("-".to_owned(), |error| format!("{error:.5}")),
             self.lists as f64 / seconds,
         );
         self.ages_ns.sort_unstable();

@@ -18,8 +18,8 @@ fn run(map: &PolarMap, count: usize) -> Vec<Light> {
 /// Sum over pixels of flux times squared distance to the nearest site, the slow way.
 fn energy(map: &PolarMap, sites: &[[f32; 3]]) -> f64 {
     let mut sum = 0.0;
-    for row in 0..map.shape.rows {
-        for column in 0..map.shape.columns {
+    for row in 0..map.shape.rows() {
+        for column in 0..map.shape.columns() {
             let direction = map.shape.pixel_direction(row, column);
             let squares = sites.iter().map(|&[x, y, z]| {
                 (direction - glam::DVec3::new(f64::from(x), f64::from(y), f64::from(z))).length_squared()

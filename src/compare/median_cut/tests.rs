@@ -24,7 +24,7 @@ fn check_tiling(case: &str, map: &PolarMap, rectangles: &[Rectangle]) {
     for Rectangle { rows, columns } in rectangles {
         for row in rows.clone() {
             for column in columns.clone() {
-                visits[row * map.shape.columns + column] += 1;
+                visits[row * map.shape.columns() + column] += 1;
             }
         }
     }
@@ -53,7 +53,7 @@ fn regions_of_a_smooth_map_are_even_in_energy() {
 #[test]
 fn a_constant_map_gives_even_rectangles() {
     // As seen at its middle, this map is 4.3 rad wide and 1.5 rad high: two cuts across the azimuth come first.
-    let shape = PolarShape { columns: 320, rows: 5, theta_max_rad: 1.5 };
+    let shape = PolarShape::new(320, 5, 1.5).unwrap();
     for map in [PolarMap::from_fn(shape, |_, _| [3.0; 3]), PolarMap::black(shape)] {
         // In the order of the cuts: the first 2^k lie in different regions of round k.
         let expected = [0, 160, 80, 240].map(|start| Rectangle { rows: 0..5, columns: start..start + 80 });

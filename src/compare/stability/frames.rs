@@ -114,7 +114,7 @@ fn pixel_solid_angle(lens: &LensParameters, [x, y]: [usize; 2]) -> f64 {
 fn wide_lens() -> Result<Row> {
     let parameters = parameters(220.0, [0.0; 4]);
     let lens = Lens::new(parameters)?;
-    let shape = PolarShape { columns: 360, rows: 110, theta_max_rad: 110f64.to_radians() };
+    let shape = PolarShape::new(360, 110, 110f64.to_radians())?;
     let sun = [(parameters.cx + 100f64.to_radians() * parameters.fx) as usize, 140];
     let picture = frame(256, 256, |x, y| if [x, y] == sun { 1e6 } else { 0.0 });
     let mut map = PolarMap::black(shape);

@@ -35,11 +35,11 @@ pub(super) fn power(lights: &[Light]) -> f64 {
 /// Luminous power of a map and its first moment, pixel by pixel in f64.
 pub(super) fn reference(map: &PolarMap) -> (f64, DVec3) {
     let shape = map.shape;
-    let theta_rad = |row: f64| shape.theta_max_rad * row / shape.rows as f64;
+    let theta_rad = |row: f64| shape.theta_max_rad() * row / shape.rows() as f64;
     let (mut power, mut moment) = (0.0, DVec3::ZERO);
     for (index, pixel) in map.pixels.iter().enumerate() {
-        let (row, column) = ((index / shape.columns) as f64, (index % shape.columns) as f64);
-        let step = TAU / shape.columns as f64;
+        let (row, column) = ((index / shape.columns()) as f64, (index % shape.columns()) as f64);
+        let step = TAU / shape.columns() as f64;
         let solid_angle = (theta_rad(row).cos() - theta_rad(row + 1.0).cos()) * step;
         let flux = luminance_f64(pixel.map(f64::from)) * solid_angle;
         power += flux;
@@ -95,7 +95,7 @@ fn large() -> Row {
             },
         );
     let solid_angle = (shape.theta_edge_rad(sun_row).cos() - shape.theta_edge_rad(sun_row + 1).cos()) * TAU
-        / shape.columns as f64;
+        / shape.columns() as f64;
     row(
         [
             "power summed in f32 against f64",

@@ -38,8 +38,8 @@ pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: b
 /// A map of the wrong length.
 pub fn encode_map_exr(map: &PolarMap) -> Result<Vec<u8>> {
     let frame = Frame {
-        width: map.shape.columns,
-        height: map.shape.rows,
+        width: map.shape.columns(),
+        height: map.shape.rows(),
         channels: 3,
         pixels: Pixels::Radiance(map.pixels.as_flattened().to_vec()),
         ..Frame::default()

@@ -114,7 +114,9 @@ impl Panorama {
         };
         // phi = 2 pi u - pi/2: column 0 of the map begins a quarter of the file's width in.
         let mut mean = AreaMean::new([frame.width, frame.height], [columns, rows], frame.width as f64 / 4.0);
-        let mut map = PolarMap::black(PolarShape::sphere(columns, rows));
+        let shape = PolarShape::new(columns, rows, std::f64::consts::PI)
+            .map_err(|error| format!("panorama.resolution: {error}; give a smaller one"))?;
+        let mut map = PolarMap::black(shape);
         mean.write(pixel, |row, column, value| map.pixels[row * columns + column] = value.map(|v| v as f32));
 
         let start_columns = match options.turn.peak_column {
@@ -159,7 +161,7 @@ impl Panorama {
     }
 
     fn width(&self) -> usize {
-        self.map.shape.columns
+        self.map.shape.columns()
     }
 }
 
@@ -173,7 +175,7 @@ pub struct PanoramaAt<'a> {
 impl PanoramaAt<'_> {
     /// Radiance from a direction (unit vector), bilinear between the pixels' middles.
     pub fn radiance(&self, direction: DVec3) -> [f64; 3] {
-        let PolarShape { columns, rows, .. } = self.panorama.map.shape;
+        let (columns, rows) = (self.panorama.map.shape.columns(), self.panorama.map.shape.rows());
         let (theta_rad, phi_rad) = polar(direction);
         let y = (theta_rad / PI * rows as f64 - 0.5).clamp(0.0, (rows - 1) as f64);
         let x = (phi_rad / TAU * columns as f64 - self.turn_columns - 0.5).rem_euclid(columns as f64);
@@ -194,10 +196,10 @@ impl PanoramaAt<'_> {
     /// Where single pixels hold much of the power.
     pub fn details(&self) -> impl Iterator<Item = Detail> {
         let shape = self.panorama.map.shape;
-        let height_rad = PI / shape.rows as f64;
+        let height_rad = PI / shape.rows() as f64;
         self.panorama.hot.iter().map(move |(row, column)| {
             let theta_rad = (*row as f64 + 0.5) * height_rad;
-            let width_rad = TAU / shape.columns as f64;
+            let width_rad = TAU / shape.columns() as f64;
             let phi_rad = (*column as f64 + 0.5 + self.turn_columns) * width_rad;
             Detail {
                 direction: lightcast_core::math::direction(theta_rad, phi_rad),
@@ -211,7 +213,7 @@ impl PanoramaAt<'_> {
     /// Writes a lat-long picture (OpenEXR's orientation, half-pixel centres) by exact areas of the grid's pixels,
     /// as `write(row, column, radiance)`.
     pub fn write_lat_long(&self, width: usize, height: usize, write: impl FnMut(usize, usize, [f64; 3])) {
-        let PolarShape { columns, rows, .. } = self.panorama.map.shape;
+        let (columns, rows) = (self.panorama.map.shape.columns(), self.panorama.map.shape.rows());
         AreaMean::new([columns, rows], [width, height], -self.turn_columns - columns as f64 / 4.0)
             .write(|row, column| self.value(row, column), write);
     }
@@ -229,8 +231,8 @@ impl PanoramaAt<'_> {
 
 /// Column of the upper half with the greatest luminous power.
 fn brightest_column(map: &PolarMap) -> usize {
-    let mut power = vec![0.0; map.shape.columns];
-    for row in 0..map.shape.rows / 2 {
+    let mut power = vec![0.0; map.shape.columns()];
+    for row in 0..map.shape.rows() / 2 {
         for (column, sum) in power.iter_mut().enumerate() {
             *sum += f64::from(map.luminance(row, column)) * map.shape.pixel_solid_angle(row);
         }
@@ -240,7 +242,7 @@ fn brightest_column(map: &PolarMap) -> usize {
 }
 
 fn flicker_mask(map: &PolarMap, flicker: &PixelFlicker) -> Vec<bool> {
-    let PolarShape { columns, rows, .. } = map.shape;
+    let (columns, rows) = (map.shape.columns(), map.shape.rows());
     let mut upper: Vec<f64> = Vec::with_capacity(rows / 2 * columns);
     for row in 0..rows / 2 {
         upper.extend((0..columns).map(|column| f64::from(map.luminance(row, column))));
@@ -262,7 +264,7 @@ fn hot_pixels(map: &PolarMap) -> Vec<(usize, usize)> {
     let power =
         |row: usize, column: usize| f64::from(map.luminance(row, column)) * map.shape.pixel_solid_angle(row);
     let pixels =
-        || (0..map.shape.rows).flat_map(|row| (0..map.shape.columns).map(move |column| (row, column)));
+        || (0..map.shape.rows()).flat_map(|row| (0..map.shape.columns()).map(move |column| (row, column)));
     let total: f64 = pixels().map(|(row, column)| power(row, column)).sum();
     let hot = |row: usize, column: usize| {
         power(row, column) > HOT_SHARE * total

@@ -273,7 +273,7 @@ fn a_request_to_end_interrupts_the_wait_for_a_lost_camera() {
         shutdown.request();
         assert_eq!(waiting.join().unwrap().unwrap(), Flow::End);
     });
-    assert_eq!(stage.attempts, 1, "it waited for the second");
+    assert_eq!(stage.attempts.attempts(), 1, "it waited for the second");
 }
 
 #[test]

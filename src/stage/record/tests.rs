@@ -1,7 +1,5 @@
 use super::*;
 use crate::files::read;
-use crate::rt::Shutdown;
-use crate::rt::link::bounded;
 use lightcast_core::image::Stamp;
 
 fn frame(sequence: u64) -> Frame {
@@ -83,62 +81,4 @@ fn radiance_is_recorded_as_it_comes_or_as_half_floats_that_are_counted() {
         assert_eq!(read_back.pixels, Pixels::Radiance(expected));
     }
     assert_eq!(metrics.counters(), [("pixels beyond half floats", 2)]);
-}
-
-#[test]
-fn files_wait_for_a_recorder_that_is_behind() {
-    let shutdown = Shutdown::new();
-    let (frames, mut recorder_end) = bounded(1, &shutdown, Frame::default);
-    let recorder = Recorder { frames, dropped: Counter::default(), waits: true };
-    let mut tee = Tee::new(None, Some(recorder));
-    std::thread::scope(|scope| {
-        scope.spawn(move || {
-            for sequence in 0..20 {
-                let mut buffer = tee.take().unwrap();
-                buffer.copy_from(&frame(sequence));
-                tee.send(buffer).unwrap();
-            }
-        });
-        for sequence in 0..20 {
-            assert_eq!(recorder_end.receive().unwrap().stamp.sequence, sequence);
-        }
-        assert!(recorder_end.receive().is_none());
-    });
-}
-
-#[test]
-fn a_recorder_that_is_behind_loses_frames_and_holds_nobody_up() {
-    let shutdown = Shutdown::new();
-    let (frames, mut recorder_end) = bounded(2, &shutdown, Frame::default);
-    let dropped = Counter::default();
-    let mut tee = Tee::new(None, Some(Recorder { frames, dropped: dropped.clone(), waits: false }));
-    let mut send = |sequence: u64| {
-        let mut buffer = tee.take()?;
-        buffer.copy_from(&frame(sequence));
-        tee.send(buffer)
-    };
-    (0..10).for_each(|sequence| send(sequence).unwrap());
-    assert_eq!(dropped.get(), 8, "the link holds two");
-    for expected in [0, 1] {
-        assert_eq!(recorder_end.receive().unwrap().stamp.sequence, expected);
-    }
-    send(10).unwrap();
-    assert_eq!(recorder_end.receive().unwrap().stamp.sequence, 10);
-    drop(recorder_end);
-    assert_eq!(send(11), Err(Closed), "nobody is left");
-}
-
-#[test]
-fn the_end_of_a_recording_is_not_the_end_of_the_capture() {
-    let shutdown = Shutdown::new();
-    let (frames, next) = bounded(2, &shutdown, Frame::default);
-    let (copies, recorder_end) = bounded(2, &shutdown, Frame::default);
-    drop(recorder_end);
-    let recorder = Recorder { frames: copies, dropped: Counter::default(), waits: false };
-    let mut tee = Tee::new(Some(frames), Some(recorder));
-    let buffer = tee.take().unwrap();
-    tee.send(buffer).unwrap();
-    drop(next);
-    let buffer = tee.take().unwrap();
-    assert_eq!(tee.send(buffer), Err(Closed));
 }

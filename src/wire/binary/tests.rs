@@ -1,3 +1,4 @@
+use super::super::{read_list, write_list_line};
 use super::*;
 use crate::light::prefix;
 use glam::DVec3;
@@ -64,7 +65,7 @@ fn random_list(random: &mut XorShift, lights: u32) -> LightList {
     list.lights.extend((0..lights).map(|id| light(3 * id)));
     list.stamp =
         Stamp { sequence: u64::MAX, capture_time_ns: i64::MIN, lost_before: 7, frame_rate_hz: 1e3 / 1001.0 };
-    (list.filter_delay_frames, list.error) = (u32::MAX, 0.1);
+    (list.filter_delay_frames, list.error) = (u32::MAX, Some(0.1));
     list.power = list.sum_of_lights();
     list.prefix_errors = vec![(8, 0.3), (16, f32::MIN_POSITIVE), (lights, 0.1)];
     list
@@ -137,7 +138,7 @@ fn the_golden_message_is_read_and_written_to_the_byte() {
     assert_eq!(from_bytes.list.lights.len(), 12);
     assert_eq!(bytes_of(&from_json.list, &from_json.delivery), GOLDEN);
     let (mut list, mut text) = (Vec::new(), Vec::new());
-    from_bytes.list.write_json_line(&mut list).unwrap();
+    write_list_line(&from_bytes.list, &mut list).unwrap();
     crate::wire::json::encode(&list, &from_bytes.delivery, &mut text);
     assert_eq!(text, GOLDEN_JSON.trim_ascii_end());
 }
@@ -161,7 +162,7 @@ fn hostile_numbers_are_replaced_and_the_message_is_sound() {
     let mut list = LightList::default();
     list.stamp.frame_rate_hz = f64::NAN;
     list.power = [f64::NAN, f64::MAX, f64::NEG_INFINITY];
-    list.error = f32::INFINITY;
+    list.error = Some(f32::INFINITY);
     list.prefix_errors = hostile.iter().map(|&error| (u32::MAX, error)).collect();
     for (number, &value) in hostile.iter().enumerate() {
         let direction = [value, hostile[(number + 3) % hostile.len()], hostile[(number + 5) % hostile.len()]];
@@ -173,7 +174,7 @@ fn hostile_numbers_are_replaced_and_the_message_is_sound() {
         });
     }
     let got = there_and_back(&list);
-    assert_eq!((got.stamp.frame_rate_hz, got.power, got.error), (0.0, [0.0, 1e36, 0.0], 0.0));
+    assert_eq!((got.stamp.frame_rate_hz, got.power, got.error), (0.0, [0.0, 1e36, 0.0], Some(0.0)));
     let errors: Vec<f32> = got.prefix_errors.iter().map(|&(_, error)| error).collect();
     assert_eq!(errors, [0.0, 0.0, 0.0, 0.0, f32::MAX, 1e-45, 0.0, 0.0, 1e30, 2.0]);
     let irradiances: Vec<f32> = got.lights.iter().map(|light| light.irradiance[0]).collect();
@@ -183,8 +184,8 @@ fn hostile_numbers_are_replaced_and_the_message_is_sound() {
     assert_eq!(spreads[..9], [0.0, 0.0, 0.0, 0.0, pi, 0.0, 0.0, 0.0, pi]);
     // What comes out can be written, and read again.
     let mut line = Vec::new();
-    got.write_json_line(&mut line).unwrap();
-    LightList::default().read_json(&line).unwrap();
+    write_list_line(&got, &mut line).unwrap();
+    read_list(&line, &mut LightList::default()).unwrap();
 }
 
 #[test]

@@ -116,7 +116,7 @@ impl AreaMatrix {
         let mut parts: Vec<Part> = Vec::new();
         for overlap in overlaps.iter() {
             let chunk = starts.len();
-            let solid_angle_sr = self.shape.pixel_solid_angle(overlap.cell as usize / self.shape.columns);
+            let solid_angle_sr = self.shape.pixel_solid_angle(overlap.cell as usize / self.shape.columns());
             let weight = (share * overlap.solid_angle_sr / solid_angle_sr) as f32;
             match parts.last_mut().filter(|part| part.cell == overlap.cell) {
                 Some(_) if usize::from(overlap.pixel - starts[chunk - 1]) < LANES => {

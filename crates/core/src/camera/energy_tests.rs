@@ -104,10 +104,10 @@ fn bilinear(lens: &Lens, rotation: DMat3, frame: &Frame, response: &Response, ma
         let (x, y) = (x.clamp(0, frame.width as i64 - 1), y.clamp(0, frame.height as i64 - 1));
         response.table()[usize::from(codes[y as usize * frame.width + x as usize])]
     };
-    for row in 0..map.shape.rows {
-        for column in 0..map.shape.columns {
+    for row in 0..map.shape.rows() {
+        for column in 0..map.shape.columns() {
             let ray = camera_from_world * map.shape.pixel_direction(row, column);
-            map.pixels[row * map.shape.columns + column] = [lens.project(ray).map_or(0.0, |at| {
+            map.pixels[row * map.shape.columns() + column] = [lens.project(ray).map_or(0.0, |at| {
                 let corner = (at - 0.5).floor();
                 let [s, t] = (at - 0.5 - corner).as_vec2().to_array();
                 let (x, y) = (corner.x as i64, corner.y as i64);
@@ -123,8 +123,8 @@ fn bilinear(lens: &Lens, rotation: DMat3, frame: &Frame, response: &Response, ma
 fn sees_whole(lens: &Lens, camera_from_world: DMat3, shape: PolarShape, row: usize, column: usize) -> bool {
     (0..=4).all(|i| {
         (0..=4).all(|j| {
-            let theta = shape.theta_max_rad * (row as f64 + f64::from(i) / 4.0) / shape.rows as f64;
-            let phi = TAU * (column as f64 + f64::from(j) / 4.0) / shape.columns as f64;
+            let theta = shape.theta_max_rad() * (row as f64 + f64::from(i) / 4.0) / shape.rows() as f64;
+            let phi = TAU * (column as f64 + f64::from(j) / 4.0) / shape.columns() as f64;
             let ray = camera_from_world * crate::math::direction(theta, phi);
             // A degree from the rim: between the points a border bends out by less.
             let angle = ray.x.hypot(ray.y).atan2(ray.z);
@@ -148,18 +148,18 @@ fn worst_errors(lens: &Lens, shape: PolarShape, rotations: usize, suns: usize, s
     let mut worst = Worst { sun: 0.0, bilinear: 0.0, bilinear_mean: 0.0, constant: 0.0 };
     let mut picture = raw(width, height, &response, DARK);
     let (mut map, mut looked_up) = (PolarMap::black(shape), PolarMap::black(shape));
-    let lowest = shape.theta_max_rad.cos();
+    let lowest = shape.theta_max_rad().cos();
     let mut seen = 0;
     for turn in 0..rotations {
         // One upright camera among the turned ones.
-        let rotation = if turn == 0 && shape.theta_max_rad < PI { LOOKING_UP } else { random.rotation() };
+        let rotation = if turn == 0 && shape.theta_max_rad() < PI { LOOKING_UP } else { random.rotation() };
         let mut matrix = FrameToPolar::new(&Projection::Fisheye(*lens), rotation, shape).unwrap();
 
         matrix.apply(&picture, &response, &mut map).unwrap();
-        for row in 0..shape.rows {
-            for column in 0..shape.columns {
+        for row in 0..shape.rows() {
+            for column in 0..shape.columns() {
                 if sees_whole(lens, rotation.transpose(), shape, row, column) {
-                    let value = map.pixels[row * shape.columns + column][0];
+                    let value = map.pixels[row * shape.columns() + column][0];
                     worst.constant = worst.constant.max(f64::from(value / DARK - 1.0).abs());
                     seen += 1;
                 }
@@ -223,8 +223,8 @@ fn check_energy(width: usize, height: usize, rotations: [usize; 2], suns: usize)
         println!(
             "{width} x {height}, {field_of_view_deg} degrees, to {} x {}: {} suns, power error at most {:.1e} \
              (bilinear look-up: mean {:.2}, at most {:.2}); constant frame within {:.1e}; {:.1} s",
-            shape.columns,
-            shape.rows,
+            shape.columns(),
+            shape.rows(),
             rotations * suns,
             worst.sun,
             worst.bilinear_mean,

@@ -18,7 +18,6 @@ use super::{ColourMatrix, PixelCounts, Projection, Response};
 use crate::error::{Error, Result};
 use crate::image::{Bayer, Frame, Pixels, PolarMap, PolarShape};
 use glam::{DMat3, DQuat, DVec3};
-use std::f64::consts::PI;
 
 /// The sparse matrix from a frame's pixels to a polar map's, for one lens, rotation and map.
 #[derive(Clone, Debug)]
@@ -47,10 +46,9 @@ impl FrameToPolar {
     /// [`super::LOOKING_UP`] for a fisheye and the identity for a lat-long picture.
     ///
     /// # Errors
-    /// `Usage` for a matrix that is no rotation, for sizes beyond 65,535 a side or 2^27 pixels in all (frame and
-    /// map), and for a map without pixels or beyond the sphere.
+    /// `Usage` for a matrix that is no rotation, and for frames beyond 65,535 a side or 2^27 pixels in all.
     pub fn new(projection: &Projection, world_from_camera: DMat3, shape: PolarShape) -> Result<Self> {
-        let world_from_camera = check(projection, world_from_camera, shape)?;
+        let world_from_camera = check(projection, world_from_camera)?;
         let mut coverage_sr = vec![0.0; shape.len()];
         let footprints = Footprints::new(projection, world_from_camera);
         let matrix = AreaMatrix::new(footprints, shape, 1.0, &mut coverage_sr);
@@ -69,7 +67,7 @@ impl FrameToPolar {
         world_from_camera: DMat3,
         shape: PolarShape,
     ) -> Result<Self> {
-        let world_from_camera = check(projection, world_from_camera, shape)?;
+        let world_from_camera = check(projection, world_from_camera)?;
         let mut coverage_sr = vec![0.0; shape.len()];
         let mosaic = Mosaic::new(projection, bayer, world_from_camera, shape, &mut coverage_sr)?;
         Ok(Self::with_weights(projection, shape, Weights::Mosaic(mosaic), &coverage_sr))
@@ -81,7 +79,7 @@ impl FrameToPolar {
         weights: Weights,
         coverage_sr: &[f64],
     ) -> Self {
-        let coverage = |(cell, sr)| (sr / shape.pixel_solid_angle(cell / shape.columns)) as f32;
+        let coverage = |(cell, sr)| (sr / shape.pixel_solid_angle(cell / shape.columns())) as f32;
         Self {
             width: projection.width(),
             height: projection.height(),
@@ -271,9 +269,8 @@ fn add_whole(
 }
 
 /// Refuses what no matrix can be made of, before anything is allocated for it, and gives the exact rotation.
-fn check(projection: &Projection, world_from_camera: DMat3, shape: PolarShape) -> Result<DMat3> {
+fn check(projection: &Projection, world_from_camera: DMat3) -> Result<DMat3> {
     projection.check_size()?;
-    check_shape(shape)?;
     rotation(world_from_camera)
 }
 
@@ -299,20 +296,4 @@ fn rotation(world_from_camera: DMat3) -> Result<DMat3> {
     } else {
         world_from_camera
     })
-}
-
-fn check_shape(shape: PolarShape) -> Result<()> {
-    let PolarShape { columns, rows, theta_max_rad } = shape;
-    if columns == 0 || rows == 0 || columns > 65_535 || rows > 65_535 || columns * rows > 1 << 27 {
-        return Err(Error::usage(format!(
-            "polar map of {columns} x {rows} pixels: must be at least 1 x 1, at most 65535 a side and 2^27 in all"
-        )));
-    }
-    if !(theta_max_rad > 0.0 && theta_max_rad <= PI + 1e-12) {
-        return Err(Error::usage(format!(
-            "polar map down to {} degrees: must be over 0, at most 180",
-            theta_max_rad.to_degrees()
-        )));
-    }
-    Ok(())
 }

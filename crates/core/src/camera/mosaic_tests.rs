@@ -203,7 +203,7 @@ fn a_small_disc_stands_in_one_direction_in_all_colours() {
             let map = apply(&mut matrix, &mosaic(&lens, bayer, disc));
             let mut sums = [DVec3::ZERO; 3];
             for (cell, pixel) in map.pixels.iter().enumerate() {
-                let (row, column) = (cell / shape.columns, cell % shape.columns);
+                let (row, column) = (cell / shape.columns(), cell % shape.columns());
                 let towards = shape.pixel_direction(row, column) * shape.pixel_solid_angle(row);
                 for channel in 0..3 {
                     sums[channel] += towards * f64::from(pixel[channel]);

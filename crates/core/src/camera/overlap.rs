@@ -18,8 +18,8 @@ pub(super) struct OverlapGrid {
 impl OverlapGrid {
     pub(super) fn new(shape: PolarShape) -> Self {
         Self {
-            columns: shape.columns,
-            z_edges: (0..=shape.rows).map(|row| shape.theta_edge_rad(row).cos()).collect(),
+            columns: shape.columns(),
+            z_edges: (0..=shape.rows()).map(|row| shape.theta_edge_rad(row).cos()).collect(),
             row: 0,
             window: Vec::new(),
         }

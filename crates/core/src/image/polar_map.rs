@@ -1,28 +1,97 @@
 use super::{Stamp, luminance};
+use crate::error::{Error, Result};
 use crate::math::{direction, zone_solid_angle};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Size and extent of a polar map.
+/// Size and extent of a polar map: always within [`PolarShape::new`]'s limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PolarShape {
-    /// Azimuth steps over the full turn; column 0 starts at phi = 0.
-    pub columns: usize,
-    /// Polar-angle steps over [0, theta_max].
-    pub rows: usize,
-    /// Polar angle of the lower rim: pi/2 for a hemisphere, pi for the full sphere.
-    pub theta_max_rad: f64,
+    columns: usize,
+    rows: usize,
+    theta_max_rad: f64,
 }
 
 impl PolarShape {
-    /// The upper hemisphere.
-    pub const fn hemisphere(columns: usize, rows: usize) -> Self {
-        Self { columns, rows, theta_max_rad: PI / 2.0 }
+    /// Most pixels along a side. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses slips of the
+    /// finger before they ask for all memory.
+    pub const MAX_SIDE_PX: usize = 16_384;
+    /// Most pixels in all: 1.5 GiB of radiance. Numbers of pixels stay far inside u32.
+    pub const MAX_PIXELS: usize = 1 << 27;
+    /// The lowest rim in degrees. Rows are told apart by the cosine of their angles in f64: at this limit 90 rows still
+    /// have their solid angles within 1e-6. Directions are unit vectors in f32, good to 1e-7: in a narrower map they
+    /// would lie on a raster of less than ten thousand steps.
+    pub const LEAST_THETA_MAX_DEG: f64 = 0.1;
+
+    /// A map of so many azimuth steps over the full turn and so many polar-angle steps from the pole to `theta_max_rad`.
+    ///
+    /// # Errors
+    /// `Usage`, naming `columns`, `rows` or `theta_max_deg`: sides of 0 or more than [`Self::MAX_SIDE_PX`] pixels, more
+    /// than [`Self::MAX_PIXELS`] in all, a rim above [`Self::LEAST_THETA_MAX_DEG`] or beyond 180 degrees.
+    pub fn new(columns: usize, rows: usize, theta_max_rad: f64) -> Result<Self> {
+        for (name, side_px) in [("columns", columns), ("rows", rows)] {
+            if !(1..=Self::MAX_SIDE_PX).contains(&side_px) {
+                return Err(Error::usage(format!(
+                    "{name} = {side_px}: a side of a polar map has 1 to {} pixels",
+                    Self::MAX_SIDE_PX
+                )));
+            }
+        }
+        if columns * rows > Self::MAX_PIXELS {
+            return Err(Error::usage(format!(
+                "columns = {columns}: with {rows} rows a polar map has more than {} pixels",
+                Self::MAX_PIXELS
+            )));
+        }
+        // NaN lies in no range.
+        if !(Self::LEAST_THETA_MAX_DEG.to_radians()..=PI).contains(&theta_max_rad) {
+            return Err(Error::usage(format!(
+                "theta_max_deg = {}: the lower rim of a polar map lies at {} to 180 degrees",
+                theta_max_rad.to_degrees(),
+                Self::LEAST_THETA_MAX_DEG
+            )));
+        }
+        Ok(Self { columns, rows, theta_max_rad })
     }
 
-    /// The full sphere.
+    /// The upper hemisphere, for sizes that are known to be sound.
+    ///
+    /// # Panics
+    /// Where [`Self::new`] would fail.
+    pub const fn hemisphere(columns: usize, rows: usize) -> Self {
+        Self::known(columns, rows, PI / 2.0)
+    }
+
+    /// The full sphere, for sizes that are known to be sound.
+    ///
+    /// # Panics
+    /// Where [`Self::new`] would fail.
     pub const fn sphere(columns: usize, rows: usize) -> Self {
-        Self { columns, rows, theta_max_rad: PI }
+        Self::known(columns, rows, PI)
+    }
+
+    const fn known(columns: usize, rows: usize, theta_max_rad: f64) -> Self {
+        assert!(
+            columns >= 1 && columns <= Self::MAX_SIDE_PX && rows >= 1 && rows <= Self::MAX_SIDE_PX,
+            "sides of 1 to 16384 pixels"
+        );
+        assert!(columns * rows <= Self::MAX_PIXELS, "at most 2^27 pixels");
+        Self { columns, rows, theta_max_rad }
+    }
+
+    /// Azimuth steps over the full turn; column 0 starts at phi = 0.
+    pub const fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Polar-angle steps over [0, theta_max].
+    pub const fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Polar angle of the lower rim: pi/2 for a hemisphere, pi for the full sphere.
+    pub const fn theta_max_rad(&self) -> f64 {
+        self.theta_max_rad
     }
 
     /// Polar angle of the upper edge of `row`; `row == rows` gives the lower rim.
@@ -58,14 +127,10 @@ impl PolarShape {
         (0..self.columns).map(azimuth).collect()
     }
 
-    /// Number of pixels.
-    pub fn len(&self) -> usize {
+    /// Number of pixels: at least one.
+    #[expect(clippy::len_without_is_empty, reason = "no shape is empty")]
+    pub const fn len(&self) -> usize {
         self.columns * self.rows
-    }
-
-    /// Whether there are no pixels.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 }
 
@@ -127,6 +192,7 @@ impl PolarMap {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Kind;
 
     #[test]
     fn constant_maps_hold_their_solid_angle() {
@@ -136,6 +202,31 @@ mod tests {
             assert!((hemisphere.power()[channel] - value * TAU).abs() < 1e-12);
         }
         assert!((sphere.power()[0] - 2.0 * TAU).abs() < 1e-12);
+    }
+
+    #[test]
+    fn shapes_beyond_reason_are_refused_by_name() {
+        let refused = |columns, rows, theta_max_rad| {
+            let error = PolarShape::new(columns, rows, theta_max_rad).unwrap_err();
+            assert_eq!(error.kind(), Kind::Usage);
+            error.to_string()
+        };
+        let most = PolarShape::MAX_SIDE_PX;
+        for (columns, rows, name) in [
+            (0, 9, "columns = 0: a side"),
+            (9, 0, "rows = 0: a side"),
+            (usize::MAX, 2, "columns = 18446744073709551615: a side"),
+            (2, most + 1, "rows = 16385: a side"),
+            (most, most, "columns = 16384: with 16384 rows"),
+        ] {
+            assert!(refused(columns, rows, 1.0).starts_with(name), "{}", refused(columns, rows, 1.0));
+        }
+        for theta_max_rad in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-300, 1e-3, 3.2, 4.0] {
+            let message = refused(4, 2, theta_max_rad);
+            assert!(message.starts_with("theta_max_deg = "), "{message}");
+        }
+        assert_eq!(PolarShape::new(7, 3, 180f64.to_radians()).unwrap(), PolarShape::sphere(7, 3));
+        assert!(PolarShape::new(most, PolarShape::MAX_PIXELS / most, PI).is_ok());
     }
 
     #[test]

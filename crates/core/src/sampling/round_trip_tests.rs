@@ -13,11 +13,11 @@ enum Either {
 
 impl Either {
     fn all(shape: PolarShape, values: &[f32]) -> [Self; 3] {
-        let z = |row: f64| 2.0 * (0.5 * shape.theta_max_rad * row / shape.rows as f64).sin().powi(2);
-        let edges: Vec<f64> = (0..=shape.rows).map(|row| z(row as f64)).collect();
-        let centres: Vec<f64> = (0..shape.rows).map(|row| z(row as f64 + 0.5)).collect();
-        let mut standard = Standard::new(shape.columns, &edges);
-        let mut bicontinuous = Bicontinuous::new(shape.columns, &centres, z(shape.rows as f64));
+        let z = |row: f64| 2.0 * (0.5 * shape.theta_max_rad() * row / shape.rows() as f64).sin().powi(2);
+        let edges: Vec<f64> = (0..=shape.rows()).map(|row| z(row as f64)).collect();
+        let centres: Vec<f64> = (0..shape.rows()).map(|row| z(row as f64 + 0.5)).collect();
+        let mut standard = Standard::new(shape.columns(), &edges);
+        let mut bicontinuous = Bicontinuous::new(shape.columns(), &centres, z(shape.rows() as f64));
         let mut normalised = bicontinuous.clone().with_normalised_rows();
         standard.update(values);
         bicontinuous.update(values);
@@ -68,8 +68,8 @@ fn luminances(map: &PolarMap) -> Vec<f32> {
 
 /// Edges of z between which densities are linear, or with normalised rows quadratic: the pole, row edges and row centres, the rim.
 fn knots(shape: PolarShape) -> Vec<f64> {
-    (0..=2 * shape.rows)
-        .map(|i| 2.0 * (0.25 * shape.theta_max_rad * i as f64 / shape.rows as f64).sin().powi(2))
+    (0..=2 * shape.rows())
+        .map(|i| 2.0 * (0.25 * shape.theta_max_rad() * i as f64 / shape.rows() as f64).sin().powi(2))
         .collect()
 }
 
@@ -86,10 +86,10 @@ fn check(name: &str, map: &PolarMap) {
         for knot in knots.windows(2) {
             let (middle, half) = (0.5 * (knot[0] + knot[1]), 0.5 * (knot[1] - knot[0]));
             for z in [middle - half / 3f64.sqrt(), middle + half / 3f64.sqrt()] {
-                let row: f64 = (0..shape.columns)
-                    .map(|c| distribution.pdf([z, TAU * (c as f64 + 0.5) / shape.columns as f64]))
+                let row: f64 = (0..shape.columns())
+                    .map(|c| distribution.pdf([z, TAU * (c as f64 + 0.5) / shape.columns() as f64]))
                     .sum();
-                sum += row * half * TAU / shape.columns as f64;
+                sum += row * half * TAU / shape.columns() as f64;
             }
         }
         assert!((sum - 1.0).abs() < 1e-6, "{case}: pdf integrates to {sum}");

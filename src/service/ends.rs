@@ -1,0 +1,69 @@
+use super::RecordOptions;
+use crate::error::Result;
+use crate::light::LightList;
+use crate::net::Board;
+use crate::rt::stage::Stage;
+use crate::rt::{Metrics, link};
+use lightcast_core::image::PolarMap;
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Who gets what a service captures and makes. Each has a link of its own, and none is made unless it is asked for.
+///
+/// Where the source is live or clients are served, none of them holds up the service: files miss what they were too
+/// slow for, which is counted, and all others get the newest. A replay without clients waits for all but the window.
+#[derive(Default)]
+pub struct Ends {
+    /// The frames as they are captured. Its failure, by a full disk say, ends it alone, and is told in the end.
+    pub recording: Option<RecordOptions>,
+    /// All maps that lights are made of, for a view of them; the link is the caller's.
+    pub maps: Option<link::Sender<PolarMap>>,
+    /// All lists, for a window say; the link is the caller's.
+    pub lists: Option<link::Sender<LightList>>,
+    /// All lists and the newest map, for the clients of a server. The board waits for nobody.
+    pub board: Option<Arc<Board>>,
+    /// All lists as JSON lines.
+    pub output: Option<Output>,
+    /// Pictures of some maps with their lights.
+    pub pictures: Option<Pictures>,
+    /// Other readers of all lists, such as a renderer.
+    pub readers: Vec<ListReader>,
+}
+
+/// Where light lists are written.
+pub struct Output {
+    /// What messages call it: a path, or "standard output".
+    pub name: String,
+    /// Opens it, when nothing else can fail any more: a start that fails leaves an old file alone.
+    pub open: Box<dyn FnOnce() -> Result<Box<dyn Write + Send>>>,
+}
+
+impl Output {
+    /// What is open already, called `name` in messages.
+    pub fn new(name: impl Into<String>, writer: impl Write + Send + 'static) -> Self {
+        Self { name: name.into(), open: Box::new(|| Ok(Box::new(writer))) }
+    }
+}
+
+/// Pictures of some maps with their lights.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pictures {
+    /// Where they go; made if it does not exist.
+    pub folder: PathBuf,
+    /// The first map in every so many sequence numbers is drawn; at least 1.
+    pub every: u64,
+}
+
+/// A stage that reads all lists, on a thread of its own.
+pub struct ListReader {
+    pub(super) metrics: Arc<Metrics>,
+    pub(super) stage: Box<dyn Stage<Input = LightList, Output = ()>>,
+}
+
+impl ListReader {
+    /// `name` is that of the thread and in the summary.
+    pub fn new(name: &'static str, stage: impl Stage<Input = LightList, Output = ()> + 'static) -> Self {
+        Self { metrics: Metrics::new(name), stage: Box::new(stage) }
+    }
+}
