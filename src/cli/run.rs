@@ -1,14 +1,16 @@
+mod serving;
+mod systemd;
+
 use super::input::ConfigurationArguments;
 use super::progress::Progress;
-use super::serving::Serving;
 use super::signals::SignalWatch;
-use super::systemd::Watchdog;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::net::{Board, Server};
 use crate::rt::{Shutdown, StoppableWriter};
 use crate::service::{Ends, Output, Pictures, RecordOptions, Service, Summary};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use serving::Serving;
 use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -16,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
+use systemd::Watchdog;
 
 /// How often the progress moves: quick enough to look alive, far slower than frames.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);

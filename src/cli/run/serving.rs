@@ -1,8 +1,8 @@
 //! `run --listen`: a service whose configuration can be taken anew (SIGHUP) while its clients stay connected.
 
-use super::run::{Arguments, OutputFile, ends, watch};
-use super::signals::SignalWatch;
 use super::systemd::Watchdog;
+use super::{Arguments, OutputFile, ends, watch};
+use crate::cli::signals::SignalWatch;
 use crate::config::Config;
 use crate::error::Result;
 use crate::net::{Board, Server, ServerOptions};
