@@ -19,7 +19,7 @@ const MOST_BYTES: u64 = 12 * MAX_PIXELS as u64 + (1 << 20);
 pub(super) fn map_shape(resolution: Option<Resolution>, is_hemisphere: bool) -> Result<PolarShape> {
     let (rows, theta_max_rad) = if is_hemisphere { (90, FRAC_PI_2) } else { (180, PI) };
     let Resolution { columns, rows } = resolution.unwrap_or(Resolution { columns: 360, rows });
-    PolarShape::new(columns, rows, theta_max_rad).map_err(|error| error.at("--resolution"))
+    PolarShape::new(columns, rows, theta_max_rad).map_err(|error| Error::from(error).at("--resolution"))
 }
 
 /// Reads a lat-long panorama of the whole sphere, a file or `-`, and averages it by area to a polar map. Pixels without a usable

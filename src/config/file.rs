@@ -69,7 +69,7 @@ pub(super) fn parse(origin: TomlText) -> Result<Config> {
     let (source, pace, links) = source.check(&folder).map_err(|error| origin.locate("source", error))?;
     let camera = camera.check(&folder).map_err(|error| origin.locate("camera", error))?;
     let map = PolarShape::new(map.columns, map.rows, map.theta_max_deg.to_radians())
-        .map_err(|error| origin.locate("map", error))?;
+        .map_err(|error| origin.locate("map", error.into()))?;
     let server = server.check(&folder).map_err(|error| origin.locate("server", error))?;
     Ok(Config { source, pace, links, camera, map, lights, filter, server, origin })
 }

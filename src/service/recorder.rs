@@ -6,6 +6,8 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::rt::{Metrics, Shutdown, link};
 use crate::stage::Record;
+use lightcast_core::camera::Response;
+use lightcast_core::image::Frame;
 use std::path::PathBuf;
 
 /// What to record.

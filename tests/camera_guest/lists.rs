@@ -13,6 +13,7 @@ use lightcast::config::Config;
 use lightcast::files::read;
 use lightcast::rt::Shutdown;
 use lightcast::service::{Ends, Output, RecordOptions, Service};
+use lightcast_core::image::{Bayer, Frame, Pixels};
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};

@@ -114,7 +114,7 @@ impl Panorama {
         };
         // phi = 2 pi u - pi/2: column 0 of the map begins a quarter of the file's width in.
         let mut mean = AreaMean::new([frame.width, frame.height], [columns, rows], frame.width as f64 / 4.0);
-        let shape = PolarShape::new(columns, rows, std::f64::consts::PI)
+        let shape = PolarShape::new(columns, rows, PI)
             .map_err(|error| format!("panorama.resolution: {error}; give a smaller one"))?;
         let mut map = PolarMap::black(shape);
         mean.write(pixel, |row, column, value| map.pixels[row * columns + column] = value.map(|v| v as f32));
