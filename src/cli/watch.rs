@@ -2,7 +2,7 @@ mod lines;
 mod selection;
 mod tally;
 
-use super::input::{Input, open_lists};
+use super::input::{Input, display_name, open_lists};
 #[cfg(feature = "render")]
 use super::render;
 use super::signals::SignalWatch;
@@ -191,12 +191,15 @@ fn watch_lists(arguments: &Arguments, path: &Path) -> Result<()> {
     }
     let mut lines = Lines::open(arguments.json, arguments.record.as_deref())?;
     let (mut list, mut tally) = (LightList::default(), Tally::new(!arguments.json));
-    let mut left = arguments.count.unwrap_or(u64::MAX);
+    let (mut left, mut is_empty) = (arguments.count.unwrap_or(u64::MAX), true);
     while left > 0 {
         match file.read(&mut list) {
             // A line that is cut by a request to end is no fault.
             Ok(false) | Err(_) if shutdown.is_requested() => break,
-            Ok(true) => {}
+            Ok(true) => is_empty = false,
+            Ok(false) if is_empty => {
+                return Err(Error::failed("holds no light list").at(display_name(path)));
+            }
             Ok(false) => break,
             Err(error) => return Err(error),
         }
