@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 mod aliases;
+#[expect(dead_code, reason = "not all of it is needed here")]
 #[path = "../run_replay/recording.rs"]
 mod recording;
 #[path = "../clients/server.rs"]
