@@ -50,11 +50,14 @@ demo: system-packages
 	@echo "  frame_NUMBER.png the built-in scene as the renderer draws it under the same lights"
 
 test: test-packages
-	cargo fmt --check
-	cargo clippy $(CARGO_FLAGS) --all-targets -- -D warnings
-	cargo clippy $(CARGO_FLAGS) --all-targets --no-default-features -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps
-	cargo test $(CARGO_FLAGS)
+	cargo fmt --all --check
+	cargo clippy $(CARGO_FLAGS) --workspace --all-targets -- -D warnings
+	cargo clippy $(CARGO_FLAGS) --workspace --all-targets --no-default-features -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --workspace --no-deps
+	cargo test $(CARGO_FLAGS) --workspace
+	@for example in panorama filtered_lights fisheye; do \
+	    cargo run $(CARGO_FLAGS) --quiet --package lightcast-core --example $$example || exit 1; \
+	done
 	$(MAKE) --no-print-directory test-camera
 
 # One check alone: tests/camera_guest/boot NAME

@@ -1,18 +1,6 @@
-// Reflectance of a surface. CPU twin: src/render/shade_twin.rs.
+// Reflectance of a surface of a view (view/seen.wgsl). CPU twin: src/render/directional/shade_twin.rs.
 
 const PI = 3.14159265358979;
-
-struct Surface {
-    normal: vec3f,
-    // Normal of the triangle.
-    face: vec3f,
-    diffuse: vec3f,
-    specular: vec3f,
-    // Metal-rough: the roughness, 0 to 1. Phong: minus the exponent.
-    gloss: f32,
-    // Angle between the triangle and its smoothed normal, before a normal map.
-    bend: f32,
-}
 
 // GGX (Walter et al. 2007), alpha = roughness^2.
 fn ggx_distribution(n_h: f32, alpha: f32) -> f32 {
@@ -35,12 +23,12 @@ fn half_vector(view: vec3f, l: vec3f) -> vec3f {
     return sum * inverseSqrt(max(dot(sum, sum), 1e-30));
 }
 
-// Radiance towards `view` per irradiance of a light from `l`: specular part. `spread_rad` is the RMS angle of what the
-// light stands for: its lobe is as much wider as the light is not a point.
+// Radiance towards `view` per irradiance of a light from `l`: specular part. `spread_rad` is the RMS angle of
+// what the light stands for: its lobe is as much wider as the light is not a point.
 fn specular_reflectance(s: Surface, view: vec3f, l: vec3f, spread_rad: f32, energy: f32) -> vec3f {
     if s.gloss < 0.0 {
-        // Phong's lobe about the mirrored view, normalised to reflect `specular` at normal incidence (Lafortune and
-        // Willems 1994). Its RMS angle is about sqrt(2 / (exponent + 1)); variances add.
+        // Phong's lobe about the mirrored view, normalised to reflect `specular` at normal incidence
+        // (Lafortune and Willems 1994). Its RMS angle is about sqrt(2 / (exponent + 1)); variances add.
         let width = 2.0 / (1.0 - s.gloss) + spread_rad * spread_rad;
         let exponent = max(2.0 / width - 1.0, 0.0);
         let cosine = dot(reflect(-view, s.normal), l);
@@ -56,10 +44,12 @@ fn specular_reflectance(s: Surface, view: vec3f, l: vec3f, spread_rad: f32, ener
     let n_v = max(dot(s.normal, view), 1e-3);
     let v_h = clamp(dot(view, h), 0.0, 1.0);
     let rough = max(s.gloss * s.gloss, 1e-3);
-    // The half vector turns by half of what the light does; a variance twice as large makes up for GGX's narrow core.
+    // The half vector turns by half of what the light does; a variance twice as large makes up for GGX's
+    // narrow core.
     let alpha = min(sqrt(rough * rough + 0.5 * spread_rad * spread_rad), 1.0);
     let fresnel = s.specular + (1.0 - s.specular) * pow(1.0 - v_h, 5.0);
-    // Light that leaves the surface after more than one reflection, by the albedo of a single one (Turquin 2019).
+    // Light that leaves the surface after more than one reflection, by the albedo of a single one (Turquin
+    // 2019).
     let multiple = 1.0 + s.specular * (1.0 / energy - 1.0);
     return fresnel * multiple * (ggx_distribution(n_h, alpha) * smith_visibility(n_l, n_v, rough));
 }

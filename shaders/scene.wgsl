@@ -3,6 +3,8 @@
 struct Instance {
     world_from_mesh: mat4x4f,
     normal_from_mesh: mat4x4f,
+    // Whether shadows fall on it.
+    receives: u32,
 }
 
 struct Material {

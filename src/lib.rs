@@ -9,7 +9,6 @@ pub mod error;
 pub mod files;
 #[cfg(feature = "render")]
 pub mod gpu;
-pub mod light;
 pub mod net;
 pub mod picture;
 #[cfg(feature = "render")]
@@ -21,7 +20,6 @@ pub mod scene;
 pub mod service;
 pub mod source;
 pub mod stage;
-pub mod temporal;
 #[cfg(feature = "render")]
 pub mod window;
 pub mod wire;

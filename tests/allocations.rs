@@ -4,7 +4,6 @@
 
 use lightcast::design::{FilterOptions, RateFilter};
 use lightcast::error::Result;
-use lightcast::light::{Extractor, LightList, Options, Sampler};
 use lightcast::rt::link::bounded;
 use lightcast::rt::stage::{Flow, Nowhere, Stage, Tick, Ticks, run};
 use lightcast::rt::{Clock, Metrics, Shutdown};
@@ -14,6 +13,7 @@ use lightcast_core::camera::{
     SensorNoise,
 };
 use lightcast_core::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
+use lightcast_core::light::{Extractor, LightList, Options, Sampler};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 

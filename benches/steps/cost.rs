@@ -2,11 +2,11 @@
 
 use super::scene;
 use lightcast::design::{FilterOptions, RateFilter};
-use lightcast::light::error::ListError;
-use lightcast::light::{Extractor, LightList, MapIrradiance, Options};
 use lightcast::picture::{Panel, Plot, Series};
 use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::light::error::ListError;
+use lightcast_core::light::{Extractor, LightList, MapIrradiance, Options};
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 

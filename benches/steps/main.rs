@@ -12,13 +12,13 @@ mod table;
 
 use criterion::{BatchSize, Criterion};
 use lightcast::design::{FilterOptions, RateFilter};
-use lightcast::light::error::ListError;
-use lightcast::light::{
-    Extractor, LightList, MapIrradiance, NearestSites, Options, RegionLists, Regions, cluster,
-};
 use lightcast::wire::{Delivery, Message, binary, json, write_list_line};
 use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection};
 use lightcast_core::image::{Bayer, Frame, PolarMap, PolarShape, luminance};
+use lightcast_core::light::error::ListError;
+use lightcast_core::light::{
+    Extractor, LightList, MapIrradiance, NearestSites, Options, RegionLists, Regions, cluster,
+};
 use lightcast_core::sampling::{Bicontinuous, Standard, sample_points};
 use std::hint::black_box;
 use std::time::Duration;

@@ -4,11 +4,11 @@ use super::resolution::Resolution;
 use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::{Error, Result};
 use crate::files::replace_file;
-use crate::light::error::ListError;
-use crate::light::{self, LightList};
 use crate::picture::draw_map;
 use crate::wire::write_list_line;
 use clap::ValueEnum;
+use lightcast_core::light::error::ListError;
+use lightcast_core::light::{self, LightList};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 

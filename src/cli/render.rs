@@ -1,5 +1,6 @@
 mod files;
 mod lists;
+mod look;
 mod values;
 mod window;
 
@@ -9,13 +10,13 @@ use super::resolution::Resolution;
 use crate::compare::{self, AnyExtractor, Inversion};
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
-use crate::light::{Light, LightList};
 use crate::net::ClientOptions;
-use crate::render::{Options, Renderer};
+use crate::render::{self, Options, Renderer};
 use crate::scene::{Camera, Scene, Shading};
 use clap::ValueEnum;
 use glam::Vec3;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::{Light, LightList};
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use values::{Target, field_of_view, milliseconds, vector};
@@ -142,6 +143,9 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
 
+    #[command(flatten)]
+    look: look::Look,
+
     /// Graphics interface. OpenGL is for trials: some of its drivers draw wrong pictures without an error.
     #[arg(long, value_enum, default_value_t = BackendName::Vulkan)]
     backend: BackendName,
@@ -201,17 +205,28 @@ fn options(arguments: &Arguments) -> Options {
         shadow_map_px: arguments.shadow_map_size,
         soft_samples: arguments.soft_samples,
         clusters: arguments.clusters,
+        lighting: arguments.look.lighting(),
+        ground_albedo: arguments.look.ground_albedo(),
         ..Options::default()
     }
 }
 
-fn renderer(arguments: &Arguments) -> Result<Renderer> {
+fn renderer(arguments: &Arguments, input: &Input) -> Result<Renderer> {
     let scene = scene(arguments)?;
     let gpu = Gpu::open(&Gpu::instance(backend(arguments)), None)?;
     tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
     let mut renderer = Renderer::new(gpu, scene, &options(arguments))?;
+    renderer.set_look(&look(arguments, input)?)?;
     renderer.pose(arguments.time);
     Ok(renderer)
+}
+
+fn look(arguments: &Arguments, input: &Input) -> Result<render::Look> {
+    let panorama = match input {
+        Input::Panorama(path) => Some(path.as_path()),
+        _ => None,
+    };
+    arguments.look.of_pictures(panorama)
 }
 
 fn samples(arguments: &Arguments) -> u32 {
@@ -219,8 +234,12 @@ fn samples(arguments: &Arguments) -> u32 {
 }
 
 fn scene(arguments: &Arguments) -> Result<Scene> {
-    let Some(path) = &arguments.scene else { return Ok(Scene::built_in()) };
-    load_scene(path, arguments.ground)
+    let mut scene = match &arguments.scene {
+        Some(path) => load_scene(path, arguments.ground)?,
+        None => Scene::built_in(),
+    };
+    arguments.look.set_roles(&mut scene)?;
+    Ok(scene)
 }
 
 /// A scene file, with warnings of what it has that is not shown.

@@ -10,9 +10,9 @@ use super::signals::SignalWatch;
 use super::standard_output::print;
 use crate::compare::stability;
 use crate::error::{Error, Result};
-use crate::light::MAX_LIGHTS;
 use crate::report::tables;
 use crate::rt::Shutdown;
+use lightcast_core::light::MAX_LIGHTS;
 use making::Report;
 use std::path::PathBuf;
 

@@ -4,8 +4,10 @@ use super::seeds::{Inversion, Seeds};
 use super::structured::structured;
 use super::variance_minimisation::variance_minimisation;
 use crate::error::{Error, Result};
-use crate::light::{self, Extractor, LightList, MapIrradiance, Voronoi, dampened_luminance, equal_power};
 use lightcast_core::image::{PolarMap, PolarShape, luminance};
+use lightcast_core::light::{
+    self, Extractor, LightList, MapIrradiance, Voronoi, dampened_luminance, equal_power,
+};
 
 /// How a map becomes lights: by the live path, or by a method of others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

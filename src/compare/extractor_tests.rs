@@ -2,12 +2,11 @@
 
 use super::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::Kind;
-use crate::light::error::ListError;
-use crate::light::extractor_tests::{check_dark, check_hard, check_list};
-use crate::light::{self, LightList};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
-use lightcast_core::test_data::{hard_maps, real_maps};
+use lightcast_core::light::error::ListError;
+use lightcast_core::light::{self, LightList};
+use lightcast_core::test_data::{check_dark, check_hard, check_list, hard_maps, real_maps};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 

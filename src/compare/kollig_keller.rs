@@ -12,9 +12,9 @@
 //! spread away from the old one, the directions turned by the golden angle. A cell of a single lit pixel is not split,
 //! and nodes whose cells are dark are put beside bright ones.
 
-use crate::light::{Light, Voronoi};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::light::{Light, Voronoi};
 use std::f64::consts::PI;
 
 /// Nodes for one that is added at once.

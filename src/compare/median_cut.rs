@@ -12,8 +12,8 @@
 //! 22 % higher (geometric means over the thirteen maps of METHODS section 6, 64 and 256 lights).
 
 use super::rectangles::{Content, Pixels, Rectangle, divide};
-use crate::light::Light;
 use lightcast_core::image::{PolarMap, luminance_f64};
+use lightcast_core::light::Light;
 
 /// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A map without light gives lights without
 /// power in the middle of even regions; where the map has fewer than `count` pixels the other lights have no power.

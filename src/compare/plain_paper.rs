@@ -1,8 +1,8 @@
 //! The paper's method (Havran et al. 2005, sections 3.1 to 3.3) as one writes it down at first, all of it in f32: what
 //! [`super::stability`] compares with. Nothing else uses it, and no case is caught that the paper does not speak of.
 
-use crate::light::Light;
 use lightcast_core::image::{PolarMap, luminance};
+use lightcast_core::light::Light;
 use lightcast_core::math::disc_from_square;
 use std::collections::VecDeque;
 use std::f32::consts::TAU;

@@ -1,9 +1,9 @@
 //! Rectangles of rows and columns of a map, cut in two again and again: what median cut and variance minimisation share.
 
 use super::spare_lights::fill_up;
-use crate::light::{Light, Share};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, luminance_f64};
+use lightcast_core::light::{Light, Share};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::f64::consts::{FRAC_PI_2, TAU};

@@ -3,9 +3,9 @@
 use super::{AnyExtractor, Inversion, Options};
 use crate::design::FilterOptions;
 use crate::error::Result;
-use crate::light::Sampler;
-use crate::temporal::Directions;
 use lightcast_core::image::PolarShape;
+use lightcast_core::light::Sampler;
+use lightcast_core::temporal::Directions;
 
 /// Lights of a list that the published figures are given for.
 pub const LIGHTS: usize = 128;

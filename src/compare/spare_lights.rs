@@ -1,6 +1,6 @@
 //! Lights for a list that a method has not filled.
 
-use crate::light::Light;
+use lightcast_core::light::Light;
 
 /// Adds lights without power until there are `count`, in the directions of those that are there, at least one.
 pub(super) fn fill_up(lights: &mut Vec<Light>, count: usize) {

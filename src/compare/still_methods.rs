@@ -2,9 +2,9 @@
 
 use super::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::Result;
-use crate::light;
-use crate::light::measure::Errors;
 use lightcast_core::image::PolarShape;
+use lightcast_core::light;
+use lightcast_core::light::measure::Errors;
 
 /// Size of the maps that the published figures are given for.
 pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);

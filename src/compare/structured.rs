@@ -15,9 +15,9 @@
 //! as not.
 
 use super::spare_lights::fill_up;
-use crate::light::{Light, Share, collect_component};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, luminance_f64};
+use lightcast_core::light::{Light, Share, collect_component};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::Range;

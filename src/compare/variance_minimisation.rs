@@ -12,8 +12,8 @@
 //! a number that is no power of two the regions with the largest variance are cut once more.
 
 use super::rectangles::{Axis, Content, Pixels, Rectangle, divide};
-use crate::light::{Light, Share};
 use lightcast_core::image::{PolarMap, luminance_f64};
+use lightcast_core::light::{Light, Share};
 
 /// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A map without light gives lights without
 /// power in the middle of even regions; where the map has fewer than `count` pixels the other lights have no power.

@@ -11,13 +11,13 @@ pub use server::ServerConfig;
 
 use crate::design::FilterOptions;
 use crate::error::{Error, Result, TomlText};
-use crate::light;
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
 use crate::source::{BracketOptions, v4l2::V4l2Options};
 use glam::DMat3;
 use lightcast_core::camera::{ColourMatrix, Response};
 use lightcast_core::image::PolarShape;
+use lightcast_core::light;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

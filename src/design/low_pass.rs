@@ -5,7 +5,7 @@
 //! that keeps the delay nearest to the paper's 4 frames at 25 Hz, 160 ms.
 
 use crate::error::{Error, Result};
-use crate::temporal::{Directions, Taps};
+use lightcast_core::temporal::{Directions, Taps};
 use pm_remez::{Band, PMParameters, ParametersBuilder, pm_remez};
 use serde::Deserialize;
 
@@ -98,7 +98,7 @@ pub fn low_pass(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
         return Err(cannot_tell_apart(options.pass_hz, options.stop_hz, frame_rate_hz, taps.len() - 1));
     }
     taps.iter_mut().for_each(|tap| *tap /= sum);
-    Taps::new(taps)
+    Ok(Taps::new(taps)?)
 }
 
 /// Equiripple low-pass of even `order`, the same weight on both bands, not normalised.

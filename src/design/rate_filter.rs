@@ -1,7 +1,7 @@
 use super::{FilterOptions, low_pass};
 use crate::error::Result;
-use crate::light::LightList;
-use crate::temporal::{LightFilter, Taps};
+use lightcast_core::light::LightList;
+use lightcast_core::temporal::{LightFilter, Taps};
 
 /// A [`LightFilter`] whose taps are designed for the frame rate that its lists carry, anew when it changes.
 #[derive(Clone, Debug)]
@@ -44,8 +44,8 @@ impl RateFilter {
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use crate::light::Light;
     use lightcast_core::image::Stamp;
+    use lightcast_core::light::Light;
 
     fn lamp(sequence: u64, frame_rate_hz: f64, irradiance: f32) -> LightList {
         let mut list = LightList::default();

@@ -101,9 +101,9 @@ pub(super) fn with_codes<T>(frame: &mut Frame, decode: impl FnOnce(&mut Vec<u16>
 
 /// Checks that a picture to be written has the samples that its size says.
 pub(super) fn check_samples(width: usize, height: usize, channels: usize, samples: usize) -> Result<()> {
-    if width == 0 || height == 0 || !matches!(channels, 1 | 3) || samples != width * height * channels {
+    if width == 0 || height == 0 || !matches!(channels, 1 | 3 | 4) || samples != width * height * channels {
         return Err(Error::failed(format!(
-            "cannot be written: {samples} samples are no picture of {width} x {height} x {channels} (1 or 3 channels)"
+            "cannot be written: {samples} samples are no picture of {width} x {height} x {channels} (1, 3 or 4 channels)"
         )));
     }
     Ok(())

@@ -20,5 +20,5 @@ pub use jpeg::decode_jpeg;
 pub use open_exr::{decode_exr, encode_exr, encode_map_exr, write_exr, write_recorded_exr};
 #[cfg(feature = "april-grid")]
 pub use photograph::{GreyPicture, read_grey};
-pub use png::{encode_png8, write_png8, write_png16};
+pub use png::{encode_png8, write_png8, write_png8_with_alpha, write_png16};
 pub use replace::replace_file;

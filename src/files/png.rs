@@ -66,7 +66,11 @@ pub fn write_png16(path: &Path, frame: &Frame) -> Result<()> {
     let Pixels::Codes(codes) = &frame.pixels else {
         return Err(Error::failed("holds radiance, which is written as OpenEXR").at(path.display()));
     };
-    let colour = if frame.channels == 1 { ExtendedColorType::L16 } else { ExtendedColorType::Rgb16 };
+    let colour = match frame.channels {
+        1 => ExtendedColorType::L16,
+        4 => ExtendedColorType::Rgba16,
+        _ => ExtendedColorType::Rgb16,
+    };
     replace_file(path, |writer| {
         check_samples(frame.width, frame.height, frame.channels, codes.len())?;
         write(writer, frame.width, frame.height, colour, bytemuck::cast_slice(codes))
@@ -82,6 +86,18 @@ pub fn write_png8(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Resul
     replace_file(path, |writer| {
         check_samples(width, height, 3, rgb.len())?;
         write(writer, width, height, ExtendedColorType::Rgb8, rgb)
+    })
+}
+
+/// [`write_png8`] with alpha: four bytes a pixel, colours not multiplied by the last.
+///
+/// # Errors
+///
+/// As [`write_png8`].
+pub fn write_png8_with_alpha(path: &Path, width: usize, height: usize, rgba: &[u8]) -> Result<()> {
+    replace_file(path, |writer| {
+        check_samples(width, height, 4, rgba.len())?;
+        write(writer, width, height, ExtendedColorType::Rgba8, rgba)
     })
 }
 

@@ -89,7 +89,8 @@ pub fn read_buffer<T: NoUninit + AnyBitPattern>(
     })
 }
 
-/// Reads a 2D texture (usage `COPY_SRC`) of texels of type `T`, row-major, once all that was submitted is done.
+/// Reads a 2D texture (usage `COPY_SRC`) of texels of type `T`, row-major, once all that was submitted is
+/// done.
 ///
 /// # Errors
 /// As [`Gpu::check`].

@@ -7,12 +7,13 @@ pub enum Backend {
     /// Vulkan; a software adapter (lavapipe) serves where there is no GPU.
     #[default]
     Vulkan,
-    /// OpenGL ES, only when asked for by name: some of its drivers lack what the renderer needs and do not say so.
+    /// OpenGL ES, only when asked for by name: some of its drivers lack what the renderer needs and do not
+    /// say so.
     Gl,
 }
 
-/// An open device and its queue. Faults that the driver reports later (validation, memory, a lost device) are kept,
-/// and [`check`](Self::check) tells the first.
+/// An open device and its queue. Faults that the driver reports later (validation, memory, a lost device) are
+/// kept, and [`check`](Self::check) tells the first.
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
@@ -41,6 +42,8 @@ impl Fault {
 
 /// Types of bindings for [`Gpu::bind_group_layout`].
 pub const UNIFORM: wgpu::BindingType = buffer(wgpu::BufferBindingType::Uniform);
+/// An array that shaders write to.
+pub const READ_WRITE: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: false });
 /// An array that shaders read.
 pub const READ_ONLY: wgpu::BindingType = buffer(wgpu::BufferBindingType::Storage { read_only: true });
 
@@ -83,8 +86,8 @@ impl Gpu {
             )
             .because(error)
         })?;
-        // Timestamps are a measure, not a need. The rest is what WebGPU promises everywhere, with the adapter's own
-        // limits: large scenes and atlases need more than the promised ones.
+        // Timestamps are a measure, not a need. The rest is what WebGPU promises everywhere, with the
+        // adapter's own limits: large scenes and atlases need more than the promised ones.
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("lightcast"),
             required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
@@ -97,8 +100,8 @@ impl Gpu {
         Ok(Self { adapter: Some(adapter), ..Self::new(device, queue, info) })
     }
 
-    /// A device that accepts everything that is valid and computes nothing: layouts and bindings can be tested
-    /// where there is no driver.
+    /// A device that accepts everything that is valid and computes nothing: layouts and bindings can be
+    /// tested where there is no driver.
     pub fn noop() -> Self {
         let (device, queue) = wgpu::Device::noop(&wgpu::DeviceDescriptor::default());
         let info = device.adapter_info();
@@ -162,16 +165,18 @@ impl Gpu {
         })
     }
 
-    /// A compute pipeline with the one entry point `main`, bindings as the shader declares them.
+    /// A compute pipeline with the one entry point `main`; without a `layout` its bindings are as the shader
+    /// declares them.
     pub fn compute_pipeline(
         &self,
         label: &str,
         sources: &[&str],
         constants: &[(&str, f64)],
+        layout: Option<&wgpu::PipelineLayout>,
     ) -> wgpu::ComputePipeline {
         self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(label),
-            layout: None,
+            layout,
             module: &self.shader(label, sources),
             entry_point: Some("main"),
             compilation_options: wgpu::PipelineCompilationOptions {

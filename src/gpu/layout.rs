@@ -31,7 +31,8 @@ macro_rules! members {
 }
 pub(crate) use members;
 
-/// Fails unless the source is valid WGSL with the capabilities that WebGPU has everywhere (packing halves is one).
+/// Fails unless the source is valid WGSL with the capabilities that WebGPU has everywhere (packing halves is
+/// one).
 pub(crate) fn assert_valid(label: &str, source: &str) {
     let module = naga::front::wgsl::parse_str(source)
         .unwrap_or_else(|e| panic!("{label}: {}", e.emit_to_string(source)));

@@ -1,7 +1,8 @@
 //! The GPU: choosing a device, reading results back, timing passes.
 //!
-//! Nothing here knows what is drawn. A pass (room `render`) makes its own pipelines and structs; a pipeline takes its
-//! bind group layouts from the shader, so that each binding is written down once, unless it shares bind groups.
+//! Nothing here knows what is drawn. A pass (room `render`) makes its own pipelines and structs; a pipeline
+//! takes its bind group layouts from the shader, so that each binding is written down once, unless it shares
+//! bind groups.
 
 mod buffer;
 mod device;
@@ -10,5 +11,5 @@ pub(crate) mod layout;
 mod timer;
 
 pub use buffer::{Array, read_buffer, read_texture};
-pub use device::{Backend, Gpu, READ_ONLY, UNIFORM};
+pub use device::{Backend, Gpu, READ_ONLY, READ_WRITE, UNIFORM};
 pub use timer::{PassTimes, Timer};

@@ -6,8 +6,8 @@ pub type PassTimes = Vec<(&'static str, u64)>;
 
 /// Measures passes on the GPU by timestamp queries. Without that feature it measures nothing.
 ///
-/// Mesa's lavapipe 22.3 writes compute timestamps when the commands are recorded, not when they run; compare with the
-/// time of the whole frame there.
+/// Mesa's lavapipe 22.3 writes compute timestamps when the commands are recorded, not when they run; compare
+/// with the time of the whole frame there.
 pub struct Timer {
     queries: Option<Queries>,
     names: Vec<&'static str>,

@@ -1,11 +1,11 @@
 use super::metrics::Stages;
 use crate::error::Result;
-use crate::light::error::ListError;
-use crate::light::{LightList, Prefixes};
 use crate::rt::{CaptureEpoch, Metrics};
 use crate::wire::{QUEUE_MAX, Subscription, binary, write_list};
 use axum::body::Bytes;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::error::ListError;
+use lightcast_core::light::{LightList, Prefixes};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -213,9 +213,9 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::Light;
     use crate::wire::{Delivery, Message, json};
     use lightcast_core::image::Stamp;
+    use lightcast_core::light::Light;
 
     fn list(sequence: u64, count: u32) -> LightList {
         let lights: Vec<Light> = lightcast_core::math::fibonacci_sphere(count as usize)
@@ -230,7 +230,7 @@ mod tests {
         let mut list = LightList::default();
         list.stamp = Stamp { sequence, frame_rate_hz: 25.0, ..Stamp::default() };
         list.lights = lights;
-        list.reference_irradiance = vec![100.0; crate::light::error::NORMAL_COUNT];
+        list.reference_irradiance = vec![100.0; lightcast_core::light::error::NORMAL_COUNT];
         list.power = list.sum_of_lights();
         ListError::new().measure(&mut list);
         list

@@ -2,10 +2,10 @@
 
 use super::Board;
 use crate::error::Result;
-use crate::light::LightList;
 use crate::rt::CaptureEpoch;
 use crate::rt::stage::{Flow, Stage};
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::LightList;
 use std::sync::Arc;
 
 /// Puts every list on a board.

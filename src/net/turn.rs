@@ -79,9 +79,9 @@ impl Turn {
 mod tests {
     use super::super::Board;
     use super::*;
-    use crate::light::LightList;
     use crate::rt::CaptureEpoch;
     use lightcast_core::image::Stamp;
+    use lightcast_core::light::LightList;
 
     const FRAME_NS: i64 = 40_000_000;
 

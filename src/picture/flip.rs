@@ -24,6 +24,7 @@ mod tests;
 
 use filter::{Derivative, Sensitivity, derivative, separable};
 use glam::{DMat3, DVec3};
+use lightcast_core::math::linear_from_srgb;
 
 /// Pixels in a degree of an observer 0.7 m away from a screen that is 0.7 m and 3840 pixels wide, FLIP's own default.
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;
@@ -80,11 +81,7 @@ pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], width: usize, pixels_per_
 
 /// Linear RGB of an 8-bit sRGB pixel (IEC 61966-2-1).
 pub fn linear_from_srgb8(rgb: [u8; 3]) -> [f32; 3] {
-    rgb.map(|code| {
-        let value = f64::from(code) / 255.0;
-        let linear = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
-        linear as f32
-    })
+    rgb.map(|code| linear_from_srgb(f32::from(code) / 255.0))
 }
 
 /// What an observer sees of a picture.

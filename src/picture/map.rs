@@ -1,9 +1,9 @@
 use super::{Canvas, ToneCurve};
 use crate::error::Result;
 use crate::files::encode_png8;
-use crate::light::Light;
 use glam::DVec3;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::Light;
 use lightcast_core::math::polar;
 use std::f64::consts::TAU;
 

@@ -9,8 +9,8 @@ mod scene;
 mod tone;
 
 use crate::error::Result;
-use crate::light::LightList;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::LightList;
 use std::path::Path;
 
 pub use canvas::Canvas;

@@ -1,8 +1,8 @@
 use super::{Canvas, ToneCurve};
-use crate::light::Light;
-use crate::light::measure::{GROUND_HALF_SIDE, SPHERE_RADIUS};
 use glam::{DVec3, Vec3};
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::Light;
+use lightcast_core::light::measure::{GROUND_HALF_SIDE, SPHERE_RADIUS};
 use lightcast_core::math::zone_solid_angle;
 use multiversion::multiversion;
 
@@ -110,7 +110,7 @@ struct Patch {
 }
 
 /// Adds the light of a stretch of emitters to the pixels of all patches. On the ground a light is hidden as in
-/// [`crate::light::measure`].
+/// [`lightcast_core::light::measure`].
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn add_light(stretch: &Stretch, patches: &[Patch], pixels: &mut [[f32; 3]]) {
     for patch in patches {

@@ -1,4 +1,5 @@
 use lightcast_core::image::luminance;
+use lightcast_core::math::srgb_from_linear;
 
 /// Luminance that the log-average of the picture is mapped to: middle grey.
 const KEY: f64 = 0.18;
@@ -32,13 +33,8 @@ impl ToneCurve {
         let white = KEY as f32 * WHITE_IN_LOG_AVERAGES;
         let bright = luminance(rgb) * self.exposure;
         let scale = self.exposure * (1.0 + bright / (white * white)) / (1.0 + bright);
-        rgb.map(|value| (srgb(value * scale).clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+        rgb.map(|value| (srgb_from_linear(value * scale).clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
     }
-}
-
-/// sRGB transfer function (IEC 61966-2-1).
-fn srgb(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
 #[cfg(test)]

@@ -1,37 +1,40 @@
-//! A steady frame rate: how many lights and shadow maps the next frame may have (Havran et al. 2005, section 3.2: the
-//! list is progressive, so that its length can follow the frame rate).
+//! A steady frame rate: how many lights and shadow maps the next frame may have (Havran et al. 2005, section
+//! 3.2: the list is progressive, so that its length can follow the frame rate).
 //!
-//! Every frame time says how many lights the frame could have *afforded*: its lights times target over time, as if all
-//! the time went into lights. A fixed cost makes that number wrong, but it stays on the right side: it grows with the
-//! lights and equals them where the target is met, so that going there leads to the target from either side without
-//! passing it. The controller looks only at medians of it, so that single slow frames say nothing, and once it has
-//! arrived it stands still until a median leaves a band about the target.
+//! Every frame time says how many lights the frame could have *afforded*: its lights times target over time,
+//! as if all the time went into lights. A fixed cost makes that number wrong, but it stays on the right side:
+//! it grows with the lights and equals them where the target is met, so that going there leads to the target
+//! from either side without passing it. The controller looks only at medians of it, so that single slow
+//! frames say nothing, and once it has arrived it stands still until a median leaves a band about the target.
 
 use crate::error::{Error, Result};
-use crate::light::MAX_LIGHTS;
+use lightcast_core::light::MAX_LIGHTS;
 use serde::Deserialize;
 
-/// Frames whose median shows overload: four slow ones of seven are no accident, an eighth of a second at 60 Hz no wait.
+/// Frames whose median shows overload: four slow ones of seven are no accident, an eighth of a second at 60
+/// Hz no wait.
 const FAST: usize = 7;
 /// Frames whose median shows spare time, about half a second.
 const SLOW: usize = 31;
-/// Part by which a frame time may be off the target before anything changes. The requirement is 10 %; twice the 5 %
-/// of noise that frame times have fits in.
+/// Part by which a frame time may be off the target before anything changes. The requirement is 10 %; twice
+/// the 5 % of noise that frame times have fits in.
 const BAND: f64 = 0.1;
-/// A fall leads to this part of the lights that can be afforded: medians of noise say now more, now less, and a fall
-/// follows the least that they say.
+/// A fall leads to this part of the lights that can be afforded: medians of noise say now more, now less, and
+/// a fall follows the least that they say.
 const FALL_TO: f64 = 0.99;
-/// A fall has ended when so much of the lights can be afforded: below [`FALL_TO`], which is approached, not reached.
+/// A fall has ended when so much of the lights can be afforded: below [`FALL_TO`], which is approached, not
+/// reached.
 const FALL_ENDS: f64 = 0.98;
 /// Spare time is used up when no more than this multiple of the lights can be afforded.
 const RISE_ENDS: f64 = 1.03;
 /// Parts of the lights that may go and come in one frame.
 const MOST_FALL: f64 = 0.1;
 const MOST_RISE: f64 = 0.02;
-/// Part of the spare lights that is used in one frame: so slowly that times which come three frames late still stop it.
+/// Part of the spare lights that is used in one frame: so slowly that times which come three frames late
+/// still stop it.
 const RISE_PART: f64 = 0.1;
-/// Frames without another attempt after more lights have ended in overload, as where the next light brings a costly
-/// shadow map: ten seconds at 60 Hz. Doubles with every failure, up to the most.
+/// Frames without another attempt after more lights have ended in overload, as where the next light brings a
+/// costly shadow map: ten seconds at 60 Hz. Doubles with every failure, up to the most.
 const PATIENCE: u32 = 600;
 const MOST_PATIENCE: u32 = 8 * PATIENCE;
 
@@ -94,8 +97,8 @@ pub struct Budget {
     next: usize,
     /// Lights when the phase began.
     entered_lights: f64,
-    /// Frames for which the fall or rise has been at its end, or for which there has been spare time: medians trail
-    /// behind what has just changed, and one may be an accident.
+    /// Frames for which the fall or rise has been at its end, or for which there has been spare time: medians
+    /// trail behind what has just changed, and one may be an accident.
     leaving_frames: usize,
     /// Frames until spare time may be used again, and as many after the next failure.
     barred_frames: u32,
@@ -106,8 +109,8 @@ impl Budget {
     /// Starts half way between the bounds, as a ratio.
     ///
     /// # Errors
-    /// `Usage` for a target of 0, for bounds that are not in order, for 0 or more than [`MAX_LIGHTS`] lights, and for
-    /// more shadow maps than lights.
+    /// `Usage` for a target of 0, for bounds that are not in order, for 0 or more than [`MAX_LIGHTS`] lights,
+    /// and for more shadow maps than lights.
     pub fn new(options: BudgetOptions) -> Result<Self> {
         let BudgetOptions {
             target_frame_time_ns,
@@ -155,11 +158,12 @@ impl Budget {
 
     /// Takes the time of a frame that was rendered at [`Budget::quality`] and gives the quality of the next.
     ///
-    /// Frame times come to within 10 % of the target, or as near as the bounds let them; where one light more (below ten
-    /// lights) or one shadow map more makes more than a tenth, they may stay lower. From then on nothing changes while frame times scatter by
-    /// 5 %. In overload at most a tenth of the lights goes in a frame, from the fourth slow frame on; of spare time at
-    /// most a fiftieth is added, after a second. (Numbers are whole: one more light at either.) Times that come a few
-    /// frames late only make a fall go too far by as many frames.
+    /// Frame times come to within 10 % of the target, or as near as the bounds let them; where one light more
+    /// (below ten lights) or one shadow map more makes more than a tenth, they may stay lower. From then on
+    /// nothing changes while frame times scatter by 5 %. In overload at most a tenth of the lights goes in a
+    /// frame, from the fourth slow frame on; of spare time at most a fiftieth is added, after a second.
+    /// (Numbers are whole: one more light at either.) Times that come a few frames late only make a fall go
+    /// too far by as many frames.
     pub fn step(&mut self, frame_time_ns: u64) -> Quality {
         let time = frame_time_ns.max(1) as f64 / self.options.target_frame_time_ns as f64;
         self.affordable[self.next] = self.level.floor() / time;
@@ -203,8 +207,8 @@ impl Budget {
             }
             Phase::Rising if has_ended => self.enter(Phase::Steady),
             Phase::Falling if has_ended => {
-                // Frames from before the overload would show spare time that is gone. A fall in large steps may have
-                // gone too far; what it left is used up, unless that has just failed.
+                // Frames from before the overload would show spare time that is gone. A fall in large steps
+                // may have gone too far; what it left is used up, unless that has just failed.
                 self.filled = 0;
                 self.enter(if self.barred_frames == 0 { Phase::Rising } else { Phase::Steady });
             }

@@ -1,5 +1,5 @@
-use crate::light::Light;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::Light;
 
 /// Every pixel of a map that has power as a light of its own: what a reference picture is lit by.
 pub fn emitters(map: &PolarMap) -> Vec<Light> {

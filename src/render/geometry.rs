@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::{Array, Gpu};
-use crate::scene::{Bounds, Scene, Vertex};
+use crate::scene::{Bounds, Roles, Scene, Vertex};
 use bytemuck::{Pod, Zeroable};
 use glam::Mat4;
 use std::ops::Range;
@@ -25,12 +25,15 @@ pub(super) const POSITION_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::Vert
     attributes: &wgpu::vertex_attr_array![0 => Float32x3],
 };
 
-/// Matrices of one instance.
+/// One instance, for shaders.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Instance {
     pub world_from_mesh: Mat4,
     pub normal_from_mesh: Mat4,
+    /// Whether shadows fall on it.
+    pub receives: u32,
+    pub pad: [u32; 3],
 }
 
 /// What one draw call draws.
@@ -39,7 +42,7 @@ pub(super) struct Draw {
     pub indices: Range<u32>,
     pub base_vertex: i32,
     pub material: usize,
-    pub casts_shadow: bool,
+    pub roles: Roles,
     /// Whether the material has holes.
     pub is_cut_out: bool,
 }
@@ -89,7 +92,7 @@ impl Geometry {
                     indices: first_index as u32..(first_index + mesh.indices.len()) as u32,
                     base_vertex: first_vertex as i32,
                     material: mesh.material,
-                    casts_shadow: instance.casts_shadow,
+                    roles: instance.roles,
                     is_cut_out: scene.materials[mesh.material].alpha_cutoff.is_some(),
                 }
             })
@@ -118,11 +121,13 @@ impl Geometry {
     /// Puts the scene's instances where `world_from_mesh` says.
     pub fn pose(&mut self, gpu: &Gpu, scene: &Scene, world_from_mesh: &[Mat4]) {
         self.posed.clear();
-        self.posed.extend(world_from_mesh.iter().map(|&world_from_mesh| {
+        let matrices = scene.instances.iter().zip(world_from_mesh);
+        self.posed.extend(matrices.map(|(instance, &world_from_mesh)| {
             // Normals turn by the inverse transpose; a flattened mesh has none, and is seen from its edge.
             let inverse = world_from_mesh.inverse();
             let normal_from_mesh = if inverse.is_finite() { inverse.transpose() } else { world_from_mesh };
-            Instance { world_from_mesh, normal_from_mesh }
+            let receives = u32::from(instance.roles.receives);
+            Instance { world_from_mesh, normal_from_mesh, receives, pad: [0; 3] }
         }));
         self.instances.write(gpu, &self.posed);
         (self.casters, self.all) = (scene.caster_bounds(world_from_mesh), scene.bounds(world_from_mesh));

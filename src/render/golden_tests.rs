@@ -1,8 +1,9 @@
 //! Pictures of `tests/golden/`: what the renderer drew when somebody last looked at it.
 //!
-//! On lavapipe, which is what the pictures were drawn with, codes may differ by 0.1 in the mean and by 12 at most: other
-//! versions of it round differently, and a comparison with a shadow map that turns over moves a pixel by a few codes. On
-//! other adapters edges of triangles lie a little differently: there the mean alone is held, to 1 code.
+//! On lavapipe, which is what the pictures were drawn with, codes may differ by 0.1 in the mean and by 12 at
+//! most: other versions of it round differently, and a comparison with a shadow map that turns over moves a
+//! pixel by a few codes. On other adapters edges of triangles lie a little differently: there the mean alone
+//! is held, to 1 code.
 //!
 //! `LIGHTCAST_RENEW_GOLDEN=1 cargo test golden` draws them anew. Look at them before they are committed.
 
@@ -10,9 +11,9 @@ use super::test_scenes::*;
 use super::{Options, Renderer};
 use crate::files::write_png8;
 use crate::gpu::Gpu;
-use crate::light::Light;
-use crate::scene::{Material, Scene, Shading};
+use crate::scene::{Material, Roles, Scene, Shading};
 use glam::Vec3;
+use lightcast_core::light::Light;
 use std::path::Path;
 
 const SIZE: [u32; 2] = [96, 72];
@@ -26,8 +27,9 @@ fn check(name: &str, scene: Scene, lights: &[Light], options: &Options) {
     let options = Options { width_px: SIZE[0], height_px: SIZE[1], ..*options };
     let mut renderer = Renderer::new(gpu, scene, &options).unwrap();
     renderer.draw(lights, &camera(), 4).unwrap();
-    let mut found = Vec::new();
-    renderer.read_picture(0.0, &mut found).unwrap();
+    let mut pixels = Vec::new();
+    renderer.read_picture(0.0, &mut pixels).unwrap();
+    let found: Vec<u8> = pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name).with_extension("png");
     if std::env::var_os("LIGHTCAST_RENEW_GOLDEN").is_some() {
         write_png8(&path, SIZE[0] as usize, SIZE[1] as usize, &found).unwrap();
@@ -71,4 +73,42 @@ fn phong_torus_under_three_hard_lights() {
     lights[1].irradiance = [1.0, 0.7, 0.4];
     let options = Options { soft_samples: 1, culling: false, shadow_map_px: 512, ..Options::default() };
     check("phong", scene, &lights, &options);
+}
+
+/// A torus before a sphere, both on the ground, the torus with these roles.
+fn torus_with(roles: Roles) -> Scene {
+    let meshes = vec![
+        (moved(torus(48, 0.35, 0), Vec3::new(-0.9, -0.6, 0.9)), true),
+        (sphere(48, 1), true),
+        (ground(8.0, -1.0, 2), false),
+    ];
+    let materials = [[0.8, 0.3, 0.2], [0.3, 0.5, 0.8], [0.5; 3]].map(Material::lambert).to_vec();
+    let mut scene = scene(meshes, materials);
+    scene.instances[0].roles = roles;
+    scene
+}
+
+#[test]
+fn a_torus_that_is_held_out() {
+    check("held_out", torus_with(Roles::HELD_OUT), &sky(300), &Options::default());
+}
+
+#[test]
+fn a_torus_that_is_unseen() {
+    check("unseen", torus_with(Roles::NONE), &sky(300), &Options::default());
+}
+
+#[test]
+fn a_torus_that_casts_no_shadow() {
+    check("no_shadow", torus_with(Roles::NO_SHADOW), &sky(300), &Options::default());
+}
+
+#[test]
+fn a_torus_over_the_light_of_a_ground() {
+    let options = Options { ground_albedo: 0.5, ..Options::default() };
+    let phong = Shading::Phong { specular: [0.2; 3], exponent: 40.0 };
+    let meshes = vec![(torus(48, 0.4, 0), true)];
+    let scene = scene(meshes, vec![Material::new(phong, [0.7, 0.6, 0.5])]);
+    let from_above: Vec<Light> = sky(300).into_iter().filter(|light| light.direction[1] > 0.0).collect();
+    check("ambient", scene, &from_above, &options);
 }

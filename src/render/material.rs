@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, UNIFORM};
 use crate::scene::{Material, Scene, Shading, Texture, Wrap};
 use bytemuck::{Pod, Zeroable};
+use lightcast_core::math::{linear_from_srgb, srgb_from_linear};
 use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
 
 #[repr(C)]
@@ -160,24 +161,16 @@ fn upload(gpu: &Gpu, texture: &Texture) -> Result<wgpu::TextureView> {
     Ok(made.create_view(&wgpu::TextureViewDescriptor::default()))
 }
 
-/// A texture and its halvings down to one pixel, one after the other: number of levels, and their bytes. Colours are
-/// averaged as linear light. A side of odd length counts its last pixel twice.
+/// A texture and its halvings down to one pixel, one after the other: number of levels, and their bytes.
+/// Colours are averaged as linear light. A side of odd length counts its last pixel twice.
 fn mip_chain(texture: &Texture) -> (u32, Vec<u8>) {
-    let decode = |byte: u8| {
-        let value = f32::from(byte) / 255.0;
-        match (texture.is_srgb, value <= 0.040_45) {
-            (false, _) => value,
-            (true, true) => value / 12.92,
-            (true, false) => ((value + 0.055) / 1.055).powf(2.4),
-        }
+    let decode = |byte: usize| {
+        let value = byte as f32 / 255.0;
+        if texture.is_srgb { linear_from_srgb(value) } else { value }
     };
-    let table: [f32; 256] = std::array::from_fn(|byte| decode(byte as u8));
+    let table: [f32; 256] = std::array::from_fn(decode);
     let encode = |value: f32| {
-        let coded = match (texture.is_srgb, value <= 0.003_130_8) {
-            (false, _) => value,
-            (true, true) => 12.92 * value,
-            (true, false) => 1.055 * value.powf(1.0 / 2.4) - 0.055,
-        };
+        let coded = if texture.is_srgb { srgb_from_linear(value) } else { value };
         (coded * 255.0 + 0.5) as u8
     };
     let (mut width, mut height) = (texture.width as usize, texture.height as usize);

@@ -1,29 +1,26 @@
-//! Renders a scene under many directional lights with wgpu (Havran et al. 2005, sections 4 and 5; METHODS section 8).
+//! Renders a scene under captured light with wgpu.
 //!
-//! A frame is five passes, one file each, beside its shader of the same name in `shaders/`:
+//! A [`Renderer`] is a view and the lightings that add radiance to it:
 //!
-//! 1. `regions`: lights to angular regions, so that a pixel looks only at lights that it can see;
-//! 2. `shadow`: one atlas of shadow maps;
-//! 3. `surface`: depth, normals and reflectances of every pixel;
-//! 4. `shade`: the sum over the lights, added to a picture of radiance;
-//! 5. `tone`: from radiance to a screen.
+//! - `view`: what a camera sees, whatever lights it: depth, normals and reflectances of every pixel,
+//!   radiance, and the way from radiance to a screen;
+//! - `directional`: many directional lights with shadows (Havran et al. 2005, sections 4 and 5; METHODS
+//!   section 8);
+//! - `ambient`: the light of a ground that a capture does not see.
 //!
-//! [`Renderer`] runs them.
+//! A lighting has `prepare`, which takes what it is lit by, and `shade`, which adds to a view. The view knows
+//! no lighting by name, and no lighting knows how radiance comes to a screen. Every pass is one file, beside
+//! its shader of the same folder and name in `shaders/`.
 
+mod ambient;
 pub mod budget;
-#[cfg(test)]
-mod culling_tests;
+mod directional;
 mod emitters;
-mod energy;
-#[cfg(test)]
-mod exact_shadow;
 mod geometry;
 #[cfg(test)]
 mod golden_tests;
 #[cfg(test)]
 mod hard_case_tests;
-mod light_space;
-mod lights;
 mod material;
 mod options;
 #[cfg(test)]
@@ -31,30 +28,20 @@ mod reference_tests;
 pub mod refinement;
 #[cfg(test)]
 mod refinement_tests;
-mod region_pass;
-#[cfg(test)]
-mod region_tests;
 mod renderer;
 #[cfg(test)]
 mod renderer_tests;
-mod shade;
 #[cfg(test)]
-mod shade_tests;
-#[cfg(test)]
-mod shade_twin;
+mod role_tests;
 #[cfg(test)]
 mod shader_tests;
-mod shadow;
-#[cfg(test)]
-mod shadow_tests;
-#[cfg(test)]
-mod soft_shadow_tests;
-mod surface;
 #[cfg(test)]
 mod test_scenes;
-mod tiles;
-mod tone;
+mod view;
+mod world;
 
+pub use directional::LightCounts;
 pub use emitters::emitters;
-pub use options::Options;
-pub use renderer::{LightCounts, Renderer};
+pub use options::{Lightings, Options};
+pub use renderer::Renderer;
+pub use view::{Background, Exposure, Look, Tone};

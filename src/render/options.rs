@@ -26,6 +26,24 @@ pub struct Options {
     pub count_lights: bool,
     /// Most lights of set H after clustering; `None`: no clustering.
     pub clusters: Option<usize>,
+    /// The kinds of lighting that add up.
+    pub lighting: Lightings,
+    /// Albedo, 0 to 1, of the ground below the horizon whose light [`Lightings::ambient`] adds; 0: none.
+    pub ground_albedo: f32,
+}
+
+/// The lightings that add radiance to a view, each named as its folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lightings {
+    /// Directional lights with shadows.
+    pub directional: bool,
+    /// The light of a ground that a capture does not see.
+    pub ambient: bool,
+}
+
+impl Lightings {
+    /// All of them.
+    pub const ALL: Self = Self { directional: true, ambient: true };
 }
 
 impl Default for Options {
@@ -38,21 +56,24 @@ impl Default for Options {
             shadow_map_px: 256,
             soft_samples: 8,
             culling: true,
-            // Wide enough for the tails of GGX: a white furnace is within 5 % (renderer_tests.rs), at 20 degrees not.
+            // Wide enough for the tails of GGX: a white furnace is within 5 % (renderer_tests.rs), at 20
+            // degrees not.
             cone_rad: 40f64.to_radians(),
             region_lights: 216,
             count_lights: false,
             clusters: None,
+            lighting: Lightings::ALL,
+            ground_albedo: 0.0,
         }
     }
 }
 
-/// Largest side of a picture, and most lights and shadow maps: beyond what any scene needs, and small enough that no
-/// product of them overflows.
+/// Largest side of a picture, and most lights and shadow maps: beyond what any scene needs, and small enough
+/// that no product of them overflows.
 const MAX_SIDE_PX: u32 = 16_384;
 const MAX_SHADOW_MAPS: usize = 4096;
-/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver gives up a pass that
-/// takes seconds.
+/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver gives up a
+/// pass that takes seconds.
 const MAX_SOFT_SAMPLES: u32 = 256;
 
 impl Options {
@@ -84,11 +105,11 @@ impl Options {
                 limits.max_storage_buffer_binding_size / 16
             )));
         }
-        if !(1..=crate::light::MAX_LIGHTS).contains(&self.lights) {
+        if !(1..=lightcast_core::light::MAX_LIGHTS).contains(&self.lights) {
             return Err(Error::usage(format!(
                 "{} lights; give 1 to {}",
                 self.lights,
-                crate::light::MAX_LIGHTS
+                lightcast_core::light::MAX_LIGHTS
             )));
         }
         if self.shadow_maps > MAX_SHADOW_MAPS || !(8..=most_px).contains(&self.shadow_map_px) {
@@ -112,6 +133,9 @@ impl Options {
         }
         if !(0.0..=std::f64::consts::PI).contains(&self.cone_rad) {
             return Err(Error::usage(format!("a cone of {:?} rad; give 0 to pi", self.cone_rad)));
+        }
+        if !(0.0..=1.0).contains(&self.ground_albedo) {
+            return Err(Error::usage(format!("a ground of albedo {:?}; give 0 to 1", self.ground_albedo)));
         }
         if self.clusters == Some(0) {
             return Err(Error::usage("0 clusters; give 1 or more"));

@@ -1,10 +1,10 @@
 //! The reference picture, samples of a pixel, and what emits by itself.
 
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{Lightings, Options, Renderer};
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::scene::Material;
+use lightcast_core::light::Light;
 
 const SMALL: Options = Options {
     width_px: 64,
@@ -18,6 +18,8 @@ const SMALL: Options = Options {
     region_lights: 216,
     count_lights: false,
     clusters: None,
+    lighting: Lightings::ALL,
+    ground_albedo: 0.0,
 };
 
 fn radiance(renderer: &Renderer) -> Vec<[f32; 4]> {

@@ -1,5 +1,5 @@
-//! A picture that gets better while nothing moves: every further frame adds a sample to each pixel, until there are
-//! enough.
+//! A picture that gets better while nothing moves: every further frame adds a sample to each pixel, until
+//! there are enough.
 
 /// What the next frame does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,8 +24,8 @@ pub struct Refinement {
 }
 
 impl Refinement {
-    /// Frames of a moving picture have `per_frame` samples a pixel (0 counts as 1); one that stands still gets up to
-    /// `most`.
+    /// Frames of a moving picture have `per_frame` samples a pixel (0 counts as 1); one that stands still
+    /// gets up to `most`.
     pub fn new(per_frame: u32, most: u32) -> Self {
         Self { per_frame: per_frame.max(1), most, drawn: 0 }
     }
@@ -35,8 +35,8 @@ impl Refinement {
         self.drawn
     }
 
-    /// The work of the next frame, which is taken as done. `has_changed`: something that is seen has changed since the
-    /// last one.
+    /// The work of the next frame, which is taken as done. `has_changed`: something that is seen has changed
+    /// since the last one.
     pub fn step(&mut self, has_changed: bool) -> Work {
         let drawn = self.drawn;
         if has_changed || drawn == 0 {

@@ -1,9 +1,9 @@
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{Lightings, Options, Renderer};
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::scene::{Camera, Material, Scene, Shading};
 use glam::{Quat, Vec3};
+use lightcast_core::light::Light;
 
 const SMALL: Options = Options {
     width_px: 160,
@@ -17,6 +17,8 @@ const SMALL: Options = Options {
     region_lights: 216,
     count_lights: true,
     clusters: None,
+    lighting: Lightings::ALL,
+    ground_albedo: 0.0,
 };
 
 fn renderer(scene: Scene, options: &Options) -> Option<Renderer> {

@@ -1,8 +1,10 @@
 //! Scenes and lights for the tests of this room.
 
-use crate::light::Light;
-use crate::scene::{Bounds, Camera, Instance, Material, Mesh, Node, Scene, Shading, Transform, Vertex};
+use crate::scene::{
+    Bounds, Camera, Instance, Material, Mesh, Node, Roles, Scene, Shading, Transform, Vertex,
+};
 use glam::Vec3;
+use lightcast_core::light::Light;
 
 /// A sphere of radius 1 about the origin, its normals exact.
 pub(super) fn sphere(segments: u32, material: usize) -> Mesh {
@@ -52,7 +54,11 @@ pub(super) fn scene(meshes: Vec<(Mesh, bool)>, materials: Vec<Material>) -> Scen
     let instances = meshes
         .iter()
         .enumerate()
-        .map(|(mesh, &(_, casts_shadow))| Instance { mesh, node: 0, casts_shadow })
+        .map(|(mesh, &(_, casts_shadow))| Instance {
+            mesh,
+            node: 0,
+            roles: Roles { casts: casts_shadow, ..Roles::ALL },
+        })
         .collect();
     Scene {
         meshes: meshes.into_iter().map(|(mesh, _)| mesh).collect(),
@@ -93,8 +99,8 @@ pub(super) fn light(id: u32, direction: Vec3, irradiance: f32) -> Light {
     Light { id, direction, irradiance: [irradiance; 3], spread_rad: 0.0 }
 }
 
-/// `count` lights over the whole sphere that together are a surrounding of radiance 1, in an order whose beginnings
-/// cover the sphere evenly too.
+/// `count` lights over the whole sphere that together are a surrounding of radiance 1, in an order whose
+/// beginnings cover the sphere evenly too.
 pub(super) fn furnace(count: u32) -> Vec<Light> {
     let solid_angle = 4.0 * std::f32::consts::PI / count as f32;
     // RMS angle of a disc of this solid angle: its radius over the square root of two.
@@ -120,7 +126,8 @@ pub(super) fn moved(mut mesh: Mesh, by: Vec3) -> Mesh {
     mesh
 }
 
-/// A ring about the y axis through radius 1, `thickness` the radius of its tube: convex outside, concave inside.
+/// A ring about the y axis through radius 1, `thickness` the radius of its tube: convex outside, concave
+/// inside.
 pub(super) fn torus(segments: u32, thickness: f32, material: usize) -> Mesh {
     let (mut vertices, mut indices) = (Vec::new(), Vec::new());
     let angle = |i: u32| std::f32::consts::TAU * i as f32 / segments as f32;
@@ -163,8 +170,8 @@ pub(super) fn cuboid(min: Vec3, max: Vec3, material: usize) -> Mesh {
     Mesh { vertices, indices, material, bounds: Bounds { min, max } }
 }
 
-/// A sky that is brighter towards the zenith over a dim ground, as `count` lights in the order of [`furnace`]; the
-/// first is a sun.
+/// A sky that is brighter towards the zenith over a dim ground, as `count` lights in the order of
+/// [`furnace`]; the first is a sun.
 pub(super) fn sky(count: u32) -> Vec<Light> {
     let mut lights = furnace(count);
     for light in &mut lights {

@@ -3,9 +3,9 @@
 use super::picture_error::median;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::light::Light;
 use crate::render::{Options, Renderer};
 use crate::scene::{Camera, Scene};
+use lightcast_core::light::Light;
 use std::time::{Duration, Instant};
 
 /// Passes in the order of a frame, as [`Renderer::read_times`] names them, and whether they are render passes alone.

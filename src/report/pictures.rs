@@ -5,11 +5,11 @@ use super::picture_error::{mean_flip, relative_rms};
 use super::stills::geometric_mean;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::light::{self, Extractor, LightList, Sampler};
 use crate::picture::{Panel, Plot, Series};
 use crate::render::{self, emitters};
 use crate::scene::Scene;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::{self, Extractor, LightList, Sampler};
 use std::time::Duration;
 
 /// Numbers of lights.

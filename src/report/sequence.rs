@@ -12,10 +12,10 @@ use crate::compare::sequence_methods::SequenceMethod;
 use crate::compare::still_methods::SHAPE;
 use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::{Error, Result};
-use crate::light::measure::{Emitters, soft_ground_cells};
-use crate::light::{Light, LightList};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, Stamp};
+use lightcast_core::light::measure::{Emitters, soft_ground_cells};
+use lightcast_core::light::{Light, LightList};
 use lightcast_core::math::angle_between;
 use std::time::{Duration, Instant};
 

@@ -5,9 +5,9 @@ use super::picture_error::relative_rms;
 use super::speed_cases::{Case, clustering, culling};
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::light::{self, Light};
 use crate::render::Options;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::{self, Light};
 use std::time::Duration;
 
 /// Time for the frames of one row.

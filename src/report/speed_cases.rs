@@ -1,11 +1,11 @@
 //! What the speed of the renderer is measured on: scenes, settings and lists of lights.
 
 use crate::error::Result;
-use crate::light::error::ListError;
-use crate::light::{Extractor, Light, LightList, Options as ExtractorOptions, prefix};
 use crate::render::Options;
 use crate::scene::{Material, Scene, Shading};
 use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::light::error::ListError;
+use lightcast_core::light::{Extractor, Light, LightList, Options as ExtractorOptions, prefix};
 use lightcast_core::math::fibonacci_sphere;
 
 /// Size of the maps that lists are taken from.

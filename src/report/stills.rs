@@ -2,10 +2,10 @@
 
 use crate::compare::still_methods::{COUNTS, METHODS, PUBLISHED_MAPS, StillMethod};
 use crate::error::Result;
-use crate::light::LightList;
-use crate::light::error::ListError;
-use crate::light::measure::{Errors, Reference};
 use lightcast_core::image::{PolarMap, luminance_f64};
+use lightcast_core::light::LightList;
+use lightcast_core::light::error::ListError;
+use lightcast_core::light::measure::{Errors, Reference};
 use std::time::{Duration, Instant};
 
 /// Extractions of which the median time is reported: at least so many, ...

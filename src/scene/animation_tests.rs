@@ -6,7 +6,7 @@ fn scene(interpolation: Interpolation, times_s: &[f32], keys: Keys) -> Scene {
     let node = Node { parent: None, transform: Transform::IDENTITY };
     Scene {
         nodes: vec![node, Node { parent: Some(0), ..node }],
-        instances: vec![Instance { mesh: 0, node: 1, casts_shadow: true }],
+        instances: vec![Instance { mesh: 0, node: 1, roles: Roles::ALL }],
         channels: vec![Channel {
             node: 1,
             duration_s: *times_s.last().unwrap(),

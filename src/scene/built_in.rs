@@ -1,7 +1,7 @@
 //! Scenes that need no file, and the ground.
 
 use super::obj_file::single;
-use super::{Bounds, Instance, Material, Mesh, Node, Scene, Shading, Transform, Vertex};
+use super::{Bounds, Instance, Material, Mesh, Node, Roles, Scene, Shading, Transform, Vertex};
 use glam::{Mat4, Vec3};
 use std::f64::consts::TAU;
 
@@ -32,6 +32,7 @@ impl Scene {
             });
             scene.instances[number].node = number + 1;
         }
+        scene.node_names = ["", "knot", "sphere"].map(str::to_owned).to_vec();
         scene.add_ground();
         scene
     }
@@ -44,7 +45,7 @@ impl Scene {
 
     /// Puts a horizontal square under all that casts shadows, for files that have no ground: Lambert, albedo 0.5,
     /// eight times as wide as what stands on it and four times as wide as that is high, at its lowest point; where
-    /// something moves, of 32 moments of the longest animation. It casts no shadow.
+    /// something moves, of 32 moments of the longest animation. It casts no shadow; its node is called `ground`.
     /// Under an empty scene it lies at height 0 and is 8 wide.
     pub fn add_ground(&mut self) {
         let mut bounds = Bounds::EMPTY;
@@ -69,11 +70,13 @@ impl Scene {
             .to_vec();
         self.materials.push(Material::lambert([GROUND; 3]));
         self.meshes.push(Mesh::new(vertices, vec![0, 1, 2, 0, 2, 3], self.materials.len() - 1));
+        self.node_names.resize(self.nodes.len(), String::new());
+        self.node_names.push("ground".to_owned());
         self.nodes.push(Node { parent: None, transform: Transform::IDENTITY });
         self.instances.push(Instance {
             mesh: self.meshes.len() - 1,
             node: self.nodes.len() - 1,
-            casts_shadow: false,
+            roles: Roles::NO_SHADOW,
         });
     }
 }

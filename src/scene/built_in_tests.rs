@@ -56,7 +56,7 @@ fn built_in_objects_are_sound_face_outwards_and_rest_on_the_ground() {
     let boxes: Vec<Bounds> = (0..3).map(|i| scene.meshes[i].bounds.transformed(&poses[i])).collect();
     assert!(boxes.iter().all(|b| b.min.y.abs() < 1e-6), "{boxes:?}");
     assert!(boxes[0].max.x < boxes[1].min.x, "the objects do not touch");
-    assert!(scene.instances.iter().map(|i| i.casts_shadow).eq([true, true, false]));
+    assert!(scene.instances.iter().map(|i| i.roles.casts).eq([true, true, false]));
     let casters = scene.caster_bounds(&poses);
     assert_eq!(casters, boxes[0].union(&boxes[1]));
     assert!(boxes[2].max.x - boxes[2].min.x >= 8.0 * (casters.max.x - casters.min.x) * 0.999);
@@ -121,7 +121,7 @@ fn a_ground_lies_under_what_moves_and_under_nothing() {
     let ground = scene.meshes[1].bounds;
     assert!((ground.min.y + 6.0).abs() < 1e-5 && ground.max.y == ground.min.y);
     assert!((ground.centre().x - 1.5).abs() < 1e-5 && (ground.half_extents().x - 4.0 * 5.0).abs() < 1e-4);
-    assert!(!scene.instances[1].casts_shadow);
+    assert!(!scene.instances[1].roles.casts);
     let mut poses = Vec::new();
     scene.pose(1.0, &mut poses);
     assert_eq!(poses[1], Mat4::IDENTITY);

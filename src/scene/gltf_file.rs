@@ -12,7 +12,7 @@ use super::gltf_material::Materials;
 use super::mesh::{check, drop_zero_area};
 use super::normals::{fill_normals, flat};
 use super::obj_file::normal_notes;
-use super::{Camera, Instance, Mesh, Node, Scene, Transform, Vertex, gltf_animation};
+use super::{Camera, Instance, Mesh, Node, Roles, Scene, Transform, Vertex, gltf_animation};
 use crate::error::{Error, Result};
 use base64::Engine;
 use base64::alphabet::STANDARD;
@@ -166,6 +166,7 @@ impl Reader<'_> {
     /// Puts the tree of nodes and its meshes into the scene; returns the places of the file's nodes in the scene.
     fn nodes(&mut self, gltf: &Gltf) -> Result<Vec<Option<usize>>> {
         let mut places = vec![None; gltf.nodes().len()];
+        let mut all_roles: Vec<Roles> = Vec::new();
         let mut stack: Vec<(gltf::Node, Option<usize>, usize)> =
             match gltf.default_scene().or(gltf.scenes().next()) {
                 Some(scene) => scene.nodes().map(|node| (node, None, 1)).collect(),
@@ -194,6 +195,10 @@ impl Reader<'_> {
             places[number] = Some(place);
             let transform = transform(&node).map_err(|error| error.at(format_args!("node {number}")))?;
             self.scene.nodes.push(Node { parent, transform });
+            self.scene.node_names.push(node.name().unwrap_or_default().to_owned());
+            let own = own_roles(&node).map_err(|error| error.at(format_args!("node {number}")))?;
+            let roles = own.or(parent.map(|parent| all_roles[parent])).unwrap_or(Roles::ALL);
+            all_roles.push(roles);
             if let Some(mesh) = node.mesh() {
                 if node.skin().is_some() {
                     add_note(
@@ -208,7 +213,7 @@ impl Reader<'_> {
                     )));
                 }
                 for mesh in meshes {
-                    self.scene.instances.push(Instance { mesh, node: place, casts_shadow: true });
+                    self.scene.instances.push(Instance { mesh, node: place, roles });
                 }
             }
             // A list of children longer than the nodes has one twice, which is found when it comes.
@@ -362,6 +367,21 @@ fn transform(node: &gltf::Node) -> Result<Transform> {
     }
 }
 
+/// The roles that a node's extras give to it and all below it: `{"lightcast": {"roles": ["seen", "casts", "receives"]}}`
+/// with those that it plays; `None` where they say nothing. Extras of others are no concern of ours.
+fn own_roles(node: &gltf::Node) -> Result<Option<Roles>> {
+    let Some(extras) = node.extras() else { return Ok(None) };
+    let Ok(extras) = serde_json::from_str::<serde_json::Value>(extras.get()) else { return Ok(None) };
+    let Some(roles) = extras.get("lightcast").and_then(|ours| ours.get("roles")) else { return Ok(None) };
+    let names: Option<Vec<&str>> =
+        roles.as_array().and_then(|names| names.iter().map(serde_json::Value::as_str).collect());
+    let outcome = match names {
+        Some(names) => Roles::of_names(names),
+        None => Err(Error::usage("is no list of names, such as [\"casts\"]")),
+    };
+    outcome.map(Some).map_err(|error| error.at("extras.lightcast.roles"))
+}
+
 /// The first node of the tree with a perspective camera, as it stands at time 0.
 fn camera(gltf: &Gltf, places: &[Option<usize>], scene: &Scene) -> Option<Camera> {
     let (node, (fov, near)) = gltf.nodes().find_map(|node| {
@@ -380,7 +400,7 @@ fn camera(gltf: &Gltf, places: &[Option<usize>], scene: &Scene) -> Option<Camera
     let at_node = Scene {
         nodes: scene.nodes.clone(),
         channels: scene.channels.clone(),
-        instances: vec![Instance { mesh: 0, node, casts_shadow: false }],
+        instances: vec![Instance { mesh: 0, node, roles: Roles::NONE }],
         ..Scene::default()
     };
     at_node.pose(0.0, &mut world_from_mesh);

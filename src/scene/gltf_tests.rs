@@ -291,3 +291,25 @@ fn attributes_that_only_their_makers_know_do_no_harm() {
     document.json["nodes"][0]["extras"] = json!({ "made by": ["hand"] });
     assert_eq!(load(&document), plain);
 }
+
+#[test]
+fn extras_give_roles_to_a_node_and_all_below_it() {
+    let mut document = Document::triangle();
+    let extras = |roles: Value| json!({ "lightcast": { "roles": roles } });
+    document.json["nodes"] = json!([
+        { "mesh": 0, "name": "real", "children": [1, 2], "extras": extras(json!(["casts"])) },
+        { "mesh": 0 },
+        { "mesh": 0, "extras": extras(json!(["seen", "receives"])) },
+        { "mesh": 0, "extras": { "lightcast": 7 } },
+    ]);
+    document.json["scenes"][0]["nodes"] = json!([0, 3]);
+    let scene = load(&document);
+    let roles: Vec<Roles> = scene.instances.iter().map(|instance| instance.roles).collect();
+    assert_eq!(roles, [Roles::HELD_OUT, Roles::HELD_OUT, Roles::NO_SHADOW, Roles::ALL]);
+    assert_eq!(scene.node_names, ["real", "", "", ""]);
+    for (wrong, about) in [(json!("casts"), "no list of names"), (json!(["cast"]), "`cast` is no role")] {
+        document.json["nodes"][1]["extras"] = extras(wrong);
+        let error = load_bytes("a.gltf", document.text().as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("node 1: extras.lightcast.roles: ") && error.contains(about), "{error}");
+    }
+}

@@ -27,6 +27,7 @@ mod node;
 mod normals;
 mod obj_file;
 mod ply_file;
+mod roles;
 mod texture;
 mod whole;
 
@@ -38,5 +39,6 @@ pub use material::{Material, Shading};
 pub use mesh::{Mesh, Vertex};
 pub use node::{Instance, Node, Transform};
 pub use obj_file::GREY;
+pub use roles::Roles;
 pub use texture::{MAX_TEXTURE_PIXELS, MAX_TEXTURE_SIDE_PX, Texture, Wrap};
 pub use whole::Scene;

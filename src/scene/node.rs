@@ -1,3 +1,4 @@
+use super::Roles;
 use glam::{Mat4, Quat, Vec3};
 
 /// Where a node stands in its parent's frame.
@@ -48,6 +49,6 @@ pub struct Instance {
     pub mesh: usize,
     /// Index of the node whose frame the mesh stands in.
     pub node: usize,
-    /// Whether it is drawn into shadow maps. Ground planes are not: they only catch shadows.
-    pub casts_shadow: bool,
+    /// What it is there for.
+    pub roles: Roles,
 }

@@ -197,7 +197,8 @@ pub(super) fn single(
     textures: Vec<Texture>,
     notes: Vec<String>,
 ) -> Scene {
-    let instances = (0..meshes.len()).map(|mesh| Instance { mesh, node: 0, casts_shadow: true }).collect();
+    let instances =
+        (0..meshes.len()).map(|mesh| Instance { mesh, node: 0, roles: super::Roles::ALL }).collect();
     let nodes = vec![Node { parent: None, transform: Transform::IDENTITY }];
     Scene { meshes, materials, textures, nodes, instances, notes, ..Scene::default() }
 }

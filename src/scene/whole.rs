@@ -14,6 +14,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// The tree of frames, parents before their children.
     pub nodes: Vec<Node>,
+    /// Names of the nodes, in their order; empty where a node has none, and shorter where no more nodes have one.
+    pub node_names: Vec<String>,
     /// Where the meshes stand.
     pub instances: Vec<Instance>,
     /// How nodes move, in the order of their nodes. All animations of a file play together, each over and over.
@@ -32,7 +34,7 @@ impl Scene {
 
     /// Box around the instances that cast shadows, posed by `world_from_mesh`.
     pub fn caster_bounds(&self, world_from_mesh: &[Mat4]) -> Bounds {
-        self.bounds_where(world_from_mesh, |instance| instance.casts_shadow)
+        self.bounds_where(world_from_mesh, |instance| instance.roles.casts)
     }
 
     fn bounds_where(&self, world_from_mesh: &[Mat4], is_meant: impl Fn(&Instance) -> bool) -> Bounds {

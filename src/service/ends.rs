@@ -1,10 +1,10 @@
 use super::RecordOptions;
 use crate::error::Result;
-use crate::light::LightList;
 use crate::net::Board;
 use crate::rt::stage::Stage;
 use crate::rt::{Metrics, link};
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::LightList;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -29,6 +29,14 @@ pub struct Ends {
     pub pictures: Option<Pictures>,
     /// Other readers of all lists, such as a renderer.
     pub readers: Vec<ListReader>,
+}
+
+impl Ends {
+    /// Whether anybody wants light lists: else none are made.
+    pub(super) fn want_lists(&self) -> bool {
+        let Self { recording: _, maps: _, lists, board, output, pictures, readers } = self;
+        lists.is_some() || board.is_some() || output.is_some() || pictures.is_some() || !readers.is_empty()
+    }
 }
 
 /// Where light lists are written.

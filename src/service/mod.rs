@@ -23,14 +23,14 @@ pub use summary::Summary;
 use crate::config::{self, Config, Links, Pace};
 use crate::design::{RateFilter, low_pass};
 use crate::error::{Error, Result};
-use crate::light::{Extractor, LightList};
 use crate::net::{PostLists, PostMaps};
 use crate::rt::link::{self, Item};
 use crate::rt::{Metrics, Shutdown};
 use crate::stage;
-use crate::temporal::Taps;
 use graph::{Departure, Graph, Running};
 use lightcast_core::image::{Frame, PolarMap};
+use lightcast_core::light::{Extractor, LightList};
+use lightcast_core::temporal::Taps;
 use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
@@ -161,6 +161,7 @@ impl Service {
 
 /// Everything that makes lights of frames, and everybody who gets them, in the order of the data.
 fn light_graph(config: &Config, input: Input, mut ends: Ends, shutdown: &Shutdown) -> Result<Graph> {
+    let wants_lists = ends.want_lists();
     let opened = Opened::new(config, &input, &mut ends, shutdown)?;
     let Ends { maps: maps_in, lists: lists_in, board, pictures, readers, .. } = ends;
     // Where clients are served, an end that goes or is slow is its own affair.
@@ -196,6 +197,9 @@ fn light_graph(config: &Config, input: Input, mut ends: Ends, shutdown: &Shutdow
         (metrics, stage::Picture::new(maps.copies(link, every), folder))
     });
 
+    if !wants_lists {
+        return Ok(graph);
+    }
     let maps = maps.next(connect(config.links, shutdown, black));
     let lists = graph.stage(Metrics::new("light"), opened.light, maps, LightList::default());
 

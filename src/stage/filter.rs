@@ -1,7 +1,7 @@
 use crate::design::RateFilter;
 use crate::error::Result;
-use crate::light::LightList;
 use crate::rt::stage::{Flow, Stage};
+use lightcast_core::light::LightList;
 
 /// Filters the lights over time.
 pub struct Filter(pub RateFilter);

@@ -1,7 +1,7 @@
 use crate::error::Result;
-use crate::light::{Extractor, LightList};
 use crate::rt::stage::{Flow, Stage};
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::{Extractor, LightList};
 use std::time::Instant;
 
 /// Turns a map into lights.

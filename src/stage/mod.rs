@@ -22,9 +22,9 @@ pub use record::{Record, Recording, SIDECAR, radiance_within_half};
 pub use render::{Files, PictureWriter, Render};
 pub use source::Source;
 
-use crate::light::LightList;
 use crate::rt::link::{Copied, Item};
 use lightcast_core::image::{Frame, PolarMap};
+use lightcast_core::light::LightList;
 
 impl Item for Frame {
     fn lost_before(&self) -> u64 {

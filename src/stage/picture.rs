@@ -1,9 +1,9 @@
 use crate::error::Result;
-use crate::light::LightList;
 use crate::picture;
 use crate::rt::link::{Copied, Receiver};
 use crate::rt::stage::{Flow, Stage};
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::LightList;
 use std::path::PathBuf;
 
 /// Draws maps with the filtered lights that belong to them.

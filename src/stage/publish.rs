@@ -1,7 +1,7 @@
 use crate::error::{Error, Result};
-use crate::light::LightList;
 use crate::rt::stage::{Flow, Stage};
 use crate::wire::write_list_line;
+use lightcast_core::light::LightList;
 use std::io::{ErrorKind, Write};
 
 /// Writes every list as one line of JSON and flushes, so that a reader has each list whole and at once. A reader

@@ -1,12 +1,12 @@
 use crate::error::Result;
-use crate::files::{write_exr, write_png8};
-use crate::light::LightList;
+use crate::files::{write_exr, write_png8, write_png8_with_alpha};
 use crate::render::Renderer;
 use crate::rt::fan_out::Every;
 use crate::rt::link::Copied;
 use crate::rt::stage::{Flow, Stage};
 use crate::scene::Camera;
 use lightcast_core::image::{Frame, Pixels};
+use lightcast_core::light::LightList;
 use std::path::{Path, PathBuf};
 
 /// Renders lists into picture files that are numbered as the lists.
@@ -34,7 +34,8 @@ pub struct Files {
 /// Writes what a renderer has drawn.
 #[derive(Default)]
 pub struct PictureWriter {
-    rgb8: Vec<u8>,
+    rgba8: Vec<[u8; 4]>,
+    bytes: Vec<u8>,
     radiance: Vec<[f32; 4]>,
 }
 
@@ -83,7 +84,8 @@ impl Stage for Render {
 
 impl PictureWriter {
     /// Writes the picture drawn last: OpenEXR holds the radiance, black where nothing is seen; PNG the tone-mapped
-    /// picture, its exposure adapted over `elapsed_s` since the last one.
+    /// picture, its exposure adapted over `elapsed_s` since the last one. With a transparent background both have
+    /// alpha: OpenEXR's colours are multiplied by it, those of PNG are not, as these formats say.
     ///
     /// # Errors
     /// Those of the device; when the file cannot be written.
@@ -95,19 +97,24 @@ impl PictureWriter {
         is_exr: bool,
     ) -> Result<()> {
         let [width, height] = renderer.size();
+        let channels = if renderer.is_transparent() { 4 } else { 3 };
         if is_exr {
             renderer.read_radiance(&mut self.radiance)?;
+            let samples = self.radiance.iter().flat_map(|pixel| &pixel[..channels]).copied();
             let frame = Frame {
                 width,
                 height,
-                channels: 3,
-                pixels: Pixels::Radiance(self.radiance.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect()),
+                channels,
+                pixels: Pixels::Radiance(samples.collect()),
                 ..Frame::default()
             };
             write_exr(path, &frame, None, false)
         } else {
-            renderer.read_picture(elapsed_s, &mut self.rgb8)?;
-            write_png8(path, width, height, &self.rgb8)
+            renderer.read_picture(elapsed_s, &mut self.rgba8)?;
+            self.bytes.clear();
+            self.bytes.extend(self.rgba8.iter().flat_map(|pixel| &pixel[..channels]));
+            let write = if channels == 4 { write_png8_with_alpha } else { write_png8 };
+            write(path, width, height, &self.bytes)
         }
     }
 }

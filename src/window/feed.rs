@@ -1,7 +1,7 @@
-use crate::light::{Light, LightList};
 use crate::rt::Metrics;
 use crate::rt::link::Receiver;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::{Light, LightList};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -13,8 +13,8 @@ pub enum Source {
     Live {
         /// The lists.
         lists: Receiver<LightList>,
-        /// The maps that lights are made of, where they are known, through a `latest` link too. The filter delays
-        /// lights, so that the newest map is a few frames ahead of the newest list.
+        /// The maps that lights are made of, where they are known, through a `latest` link too. The filter
+        /// delays lights, so that the newest map is a few frames ahead of the newest list.
         maps: Option<Receiver<PolarMap>>,
         /// Counts the lists that are shown and those that are skipped.
         metrics: Arc<Metrics>,

@@ -1,7 +1,7 @@
 use crate::gpu::Gpu;
-use crate::light::{Light, Prefixes};
 use crate::picture::MapBackground;
 use lightcast_core::image::PolarMap;
+use lightcast_core::light::{Light, Prefixes};
 
 const SHADER: &str = include_str!("../../shaders/inset.wgsl");
 

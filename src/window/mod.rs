@@ -1,9 +1,9 @@
-//! A window that shows a scene under lights that stand still or arrive: orbit camera, keys, an inset with the map and its
-//! lights, timings in the title.
+//! A window that shows a scene under lights that stand still or arrive: orbit camera, keys, an inset with the
+//! map and its lights, timings in the title.
 //!
-//! One thread, which must be the main one, has the window and the device. It never waits for lists: it draws the newest
-//! one there is, and the link says how many were skipped. While nothing that is seen changes, every frame adds a sample
-//! to the picture, and in the end nothing is drawn.
+//! One thread, which must be the main one, has the window and the device. It never waits for lists: it draws
+//! the newest one there is, and the link says how many were skipped. While nothing that is seen changes,
+//! every frame adds a sample to the picture, and in the end nothing is drawn.
 
 mod command;
 mod feed;
@@ -21,7 +21,7 @@ pub use feed::Source;
 use crate::error::{Error, Result};
 use crate::gpu::Backend;
 use crate::render::budget::BudgetOptions;
-use crate::render::{Options, Renderer};
+use crate::render::{Look, Options, Renderer};
 use crate::rt::Shutdown;
 use crate::scene::{Camera, Scene};
 use command::Command;
@@ -45,9 +45,11 @@ pub struct Settings {
     pub samples: u32,
     /// Where lights and shadow maps follow the frame time; `None`: they are what `options` say.
     pub budget: Option<BudgetOptions>,
-    /// Time of the scene's animation in the beginning. It goes on with real time under lights that stand still, with the
-    /// capture times of lists that arrive.
+    /// Time of the scene's animation in the beginning. It goes on with real time under lights that stand
+    /// still, with the capture times of lists that arrive.
     pub time_s: f64,
+    /// How the picture looks.
+    pub look: Look,
     /// What the inset shows the lights on.
     pub map: PolarMap,
 }

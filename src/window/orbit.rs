@@ -2,15 +2,15 @@ use crate::scene::Camera;
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Nearest that the eye comes to straight above or below the target: there the picture would have no upright, and
-/// [`Camera::view_from_world`] takes another from 1e-3 on.
+/// Nearest that the eye comes to straight above or below the target: there the picture would have no upright,
+/// and [`Camera::view_from_world`] takes another from 1e-3 on.
 const POLE_GAP_RAD: f64 = 1e-2;
 /// Part of the distance that is left after one notch of the wheel.
 const NOTCH: f64 = 0.9;
 /// Most by which the distance grows or shrinks from that of the first camera.
 const ZOOM_RANGE: f64 = 1e3;
-/// Part of the distance at which the near plane lies. Reversed depth loses nothing by a near plane so close, and a
-/// camera that is moved freely cuts nothing.
+/// Part of the distance at which the near plane lies. Reversed depth loses nothing by a near plane so close,
+/// and a camera that is moved freely cuts nothing.
 const NEAR: f64 = 1e-3;
 
 /// A camera that goes round a point and looks at it, upright.
@@ -52,8 +52,8 @@ impl Orbit {
         }
     }
 
-    /// Follows a drag to the right and down by `[right, down]` pixels in a window `height_px` high: the scene turns with
-    /// the hand, half a turn over the height of the window.
+    /// Follows a drag to the right and down by `[right, down]` pixels in a window `height_px` high: the scene
+    /// turns with the hand, half a turn over the height of the window.
     pub fn turn(&mut self, [right_px, down_px]: [f64; 2], height_px: u32) {
         let rad_per_px = PI / f64::from(height_px.max(1));
         self.azimuth_rad = (self.azimuth_rad - right_px * rad_per_px).rem_euclid(2.0 * PI);

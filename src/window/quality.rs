@@ -11,7 +11,8 @@ pub(super) fn reserved(options: &Options) -> Quality {
     Quality { lights: options.lights, shadow_maps: options.shadow_maps.min(options.lights) }
 }
 
-/// A step up or down from `lights`, between one light and `reserved`, with as many shadow maps as those lights can have.
+/// A step up or down from `lights`, between one light and `reserved`, with as many shadow maps as those
+/// lights can have.
 pub(super) fn stepped(lights: usize, is_more: bool, reserved: Quality) -> Quality {
     let lights = if is_more {
         (lights as f64 * LIGHTS_STEP).ceil() as usize
@@ -22,8 +23,8 @@ pub(super) fn stepped(lights: usize, is_more: bool, reserved: Quality) -> Qualit
     Quality { lights, shadow_maps: reserved.shadow_maps.min(lights) }
 }
 
-/// Length of the prefix of a list of `length` lights of which `lights` of at most `most` may light everything: set L
-/// gets shorter in the same proportion.
+/// Length of the prefix of a list of `length` lights of which `lights` of at most `most` may light
+/// everything: set L gets shorter in the same proportion.
 pub(super) fn prefix_length(length: usize, lights: usize, most: usize) -> usize {
     (length * lights).div_ceil(most.max(1)).max(lights).min(length)
 }

@@ -48,8 +48,8 @@ impl Screen {
         );
     }
 
-    /// The next picture to draw on; `None` where this frame is to be left out: the window is covered, or has just
-    /// changed and the screen with it.
+    /// The next picture to draw on; `None` where this frame is to be left out: the window is covered, or has
+    /// just changed and the screen with it.
     ///
     /// # Errors
     /// When the device was lost, or the window takes no pictures any more.

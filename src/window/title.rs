@@ -45,7 +45,8 @@ pub(super) struct Timings {
     pub lights: usize,
     pub shadow_maps: usize,
     pub samples: u32,
-    /// Where lists arrive: sequence number of the one that is shown, time since it arrived, and lists that were skipped.
+    /// Where lists arrive: sequence number of the one that is shown, time since it arrived, and lists that
+    /// were skipped.
     pub list: Option<(u64, Duration, u64)>,
 }
 

@@ -9,12 +9,12 @@ use super::title::{FrameTimes, Timings, Title};
 use super::{FirstCamera, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::light::{Light, Prefixes};
 use crate::render::Renderer;
 use crate::render::budget::{Budget, Quality};
 use crate::render::refinement::{Refinement, Work};
 use crate::scene::{Camera, Scene};
 use crate::stage::PictureWriter;
+use lightcast_core::light::{Light, Prefixes};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -88,7 +88,7 @@ impl View {
         camera: FirstCamera,
     ) -> Result<Self> {
         let opened = Instant::now();
-        let Settings { name, backend, options, samples, budget, time_s, map } = settings;
+        let Settings { name, backend, options, samples, budget, time_s, look, map } = settings;
         let budget = budget.map(Budget::new).transpose()?;
         let attributes = Window::default_attributes()
             .with_title(Title { name: &name, ..Title::default() }.text())
@@ -100,6 +100,7 @@ impl View {
         let (screen, gpu) = Screen::new(Gpu::instance(backend), window.clone())?;
         tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
         let mut renderer = Renderer::for_screen(gpu, scene, &options, screen.format())?;
+        renderer.set_look(&look)?;
         renderer.pose(time_s);
         let first_camera = camera(&renderer)?;
         let quality = reserved(renderer.options());

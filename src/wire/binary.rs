@@ -7,8 +7,8 @@ use super::limits::{MOST_IRRADIANCE, MOST_POWER};
 use super::quantity::{Scale, decode_direction, encode_direction};
 use super::{Delivery, Message};
 use crate::error::{Error, Result};
-use crate::light::{Light, LightList, MAX_LIGHTS};
 use lightcast_core::image::Stamp;
+use lightcast_core::light::{Light, LightList, MAX_LIGHTS};
 use std::f64::consts::PI;
 use std::fmt::LowerExp;
 

@@ -39,8 +39,8 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
 mod tests {
     use super::super::{read_list, write_list_line};
     use super::*;
-    use crate::light::{Light, LightList};
     use lightcast_core::image::Stamp;
+    use lightcast_core::light::{Light, LightList};
 
     const DELIVERY: Delivery = Delivery {
         lost: u64::MAX,

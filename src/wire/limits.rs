@@ -1,4 +1,4 @@
-//! What numbers a list may hold on its way, beside [`MAX_LIGHTS`](crate::light::MAX_LIGHTS).
+//! What numbers a list may hold on its way, beside [`MAX_LIGHTS`](lightcast_core::light::MAX_LIGHTS).
 
 /// How far a direction may be from length 1: four written digits.
 pub(super) const LENGTH_TOLERANCE: f32 = 1e-3;

@@ -2,8 +2,8 @@
 
 use super::limits::{LENGTH_TOLERANCE, MOST_IRRADIANCE, MOST_POWER};
 use crate::error::{Error, Result};
-use crate::light::{Light, LightList, MAX_LIGHTS};
 use lightcast_core::image::Stamp;
+use lightcast_core::light::{Light, LightList, MAX_LIGHTS};
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
 use std::io;

@@ -3,7 +3,7 @@
 use super::MESSAGE_MAX_BYTES;
 use super::list::read_list;
 use crate::error::{Error, Result};
-use crate::light::LightList;
+use lightcast_core::light::LightList;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -67,8 +67,8 @@ impl ListFile {
 mod tests {
     use super::super::write_list_line;
     use super::*;
-    use crate::light::Light;
     use lightcast_core::image::Stamp;
+    use lightcast_core::light::Light;
 
     fn file(content: &str) -> (tempfile::TempDir, ListFile) {
         let folder = tempfile::tempdir().unwrap();

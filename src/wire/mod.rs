@@ -15,7 +15,7 @@ pub use list::{read_list, write_list, write_list_line};
 pub use list_file::ListFile;
 pub use subscription::{Demand, QUEUE_MAX, Subscription};
 
-use crate::light::LightList;
+use lightcast_core::light::LightList;
 use serde::{Deserialize, Serialize};
 
 /// WebSocket subprotocol of lists as JSON.
@@ -24,7 +24,7 @@ pub const JSON: &str = "lightcast.v1.json";
 pub const BINARY: &str = "lightcast.v1.bin";
 /// Most bytes of a message from a client; the longest that is of use has a hundred.
 pub const DEMAND_MAX_BYTES: usize = 4096;
-/// Most bytes of a message to a client: [`crate::light::MAX_LIGHTS`] lights of some 150 bytes each, twice
+/// Most bytes of a message to a client: [`lightcast_core::light::MAX_LIGHTS`] lights of some 150 bytes each, twice
 /// over.
 pub const MESSAGE_MAX_BYTES: usize = 1 << 23;
 

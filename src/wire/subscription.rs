@@ -1,7 +1,7 @@
 use super::DEMAND_MAX_BYTES;
 use crate::error::{Error, Result};
-use crate::light::{LightList, MAX_LIGHTS};
 use lightcast_core::image::Stamp;
+use lightcast_core::light::{LightList, MAX_LIGHTS};
 use serde::{Deserialize, Serialize};
 
 /// Most lists that wait for a client.
@@ -124,7 +124,7 @@ fn short(length: usize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::Light;
+    use lightcast_core::light::Light;
 
     fn message(keys: &str) -> Result<Subscription> {
         Subscription::from_message(format!("{{\"subscribe\":{{{keys}}}}}").as_bytes())

@@ -11,8 +11,8 @@ mod mutation;
 
 use counting::counted;
 use lightcast::error::Result;
-use lightcast::light::{Light, LightList, MAX_LIGHTS};
 use lightcast::wire::{Delivery, Demand, Message, Subscription, binary, json, write_list};
+use lightcast_core::light::{Light, LightList, MAX_LIGHTS};
 use mutation::{XorShift, mutate, shown};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

@@ -1,9 +1,9 @@
 //! A server in this process, and connections to it.
 
-use lightcast::light::{Light, LightList};
 use lightcast::net::{Board, Server, ServerOptions};
 use lightcast::rt::{CaptureEpoch, Shutdown};
 use lightcast_core::image::Stamp;
+use lightcast_core::light::{Light, LightList};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
@@ -68,7 +68,7 @@ impl Posting {
         line.unwrap_or_else(|| panic!("no {name} in\n{body}")).rsplit(' ').next().unwrap().parse().unwrap()
     }
 
-    /// Waits until so many clients are connected.
+    /// Waits until that many clients are connected.
     #[track_caller]
     pub fn wait_for_clients(&self, count: f64) {
         wait_until(|| self.metric("lightcast_clients") == count);

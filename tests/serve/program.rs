@@ -165,7 +165,7 @@ fn as_bytes_every_list_of_a_recording_is_within_the_stated_precision() {
     let (lines, messages) = whole_recording(true);
     assert_eq!((lines.len(), messages.len()), (100, 100));
     for (line, message) in lines.iter().zip(&messages) {
-        let mut exact = lightcast::light::LightList::default();
+        let mut exact = lightcast_core::light::LightList::default();
         read_list(line.as_bytes(), &mut exact).unwrap();
         let got = &message.list;
         assert_eq!((got.stamp, got.power, got.error), (exact.stamp, exact.power, exact.error));

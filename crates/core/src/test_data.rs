@@ -2,6 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
+mod list_checks;
+
+pub use list_checks::{check_dark, check_hard, check_list};
+
 use crate::image::{PolarMap, PolarShape};
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -8,23 +8,23 @@ use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::progress::Progress;
 use crate::cli::signals::SignalWatch;
 use crate::error::{Error, Result};
-use crate::light::LightList;
 use crate::render::emitters;
 use crate::rt::stage::{self as stages, Nowhere, Stage};
 use crate::rt::{Clock, Metrics, Shutdown};
 use crate::stage::{Files, PictureWriter, Render};
+use lightcast_core::light::LightList;
 use std::path::Path;
 
 pub(super) fn run(arguments: &Arguments, input: &Input, target: &Target) -> Result<()> {
     match input {
-        Input::Panorama(path) => render_panorama(arguments, path, target),
+        Input::Panorama(path) => render_panorama(arguments, input, path, target),
         _ => render_lists(arguments, input, target),
     }
 }
 
-fn render_panorama(arguments: &Arguments, panorama: &Path, target: &Target) -> Result<()> {
+fn render_panorama(arguments: &Arguments, input: &Input, panorama: &Path, target: &Target) -> Result<()> {
     let map = read_panorama(panorama, map_shape(arguments.resolution, arguments.hemisphere)?)?;
-    let mut renderer = renderer(arguments)?;
+    let mut renderer = renderer(arguments, input)?;
     let camera = camera(arguments, &renderer)?;
     if arguments.reference {
         let lights = emitters(&map);
@@ -54,7 +54,7 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
     let shutdown = Shutdown::new();
     let origin = Origin::open(arguments, input, Reader::Files, &shutdown)?;
     let _signals = SignalWatch::start(&shutdown)?;
-    let mut renderer = renderer(arguments)?;
+    let mut renderer = renderer(arguments, input)?;
     let camera = camera(arguments, &renderer)?;
     if let Target::Folder(folder) = target {
         make(folder)?;

@@ -1,13 +1,13 @@
 //! `render` without --output: the window, from any input.
 
 use super::lists::{Lists, Origin, Reader};
-use super::{Arguments, backend, camera, lights_of_map, no_reference, options, scene};
+use super::{Arguments, backend, camera, lights_of_map, look, no_reference, options, scene};
 use crate::cli::input::Input;
 use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::signals::SignalWatch;
-use crate::error::Result;
-use crate::render::Renderer;
+use crate::error::{Error, Result};
 use crate::render::budget::BudgetOptions;
+use crate::render::{Look, Renderer};
 use crate::rt::{Metrics, Shutdown};
 use crate::scene::Scene;
 use crate::window::{Display, Settings, Source};
@@ -16,8 +16,14 @@ use std::path::Path;
 
 pub(super) fn run(arguments: &Arguments, input: &Input) -> Result<()> {
     no_reference(arguments)?;
-    let window =
-        Window { arguments, name: title(input), display: Display::open()?, closing: Shutdown::new() };
+    if arguments.look.is_transparent() {
+        return Err(Error::usage(
+            "a window has nothing behind it to be seen; give --background transparent with --output",
+        ));
+    }
+    let look = look(arguments, input)?;
+    let (name, display) = (title(input), Display::open()?);
+    let window = Window { arguments, name, look, display, closing: Shutdown::new() };
     let _signals = SignalWatch::start(&window.closing)?;
     match input {
         Input::Panorama(path) => window.show_panorama(path),
@@ -38,6 +44,7 @@ fn title(input: &Input) -> String {
 struct Window<'a> {
     arguments: &'a Arguments,
     name: String,
+    look: Look,
     display: Display,
     closing: Shutdown,
 }
@@ -62,7 +69,7 @@ impl Window<'_> {
     }
 
     fn show(self, source: Source, scene: Scene, map: PolarMap) -> Result<()> {
-        let Self { arguments, name, display, closing } = self;
+        let Self { arguments, name, look, display, closing } = self;
         let options = options(arguments);
         let budget = arguments.budget.map(|budget_ms| {
             let default = BudgetOptions::default();
@@ -82,6 +89,7 @@ impl Window<'_> {
             samples: arguments.samples.unwrap_or(1),
             budget,
             time_s: arguments.time,
+            look,
             map,
         };
         let first_camera = Box::new(|renderer: &Renderer| camera(arguments, renderer));

@@ -1,6 +1,6 @@
 use crate::error::{Error, Result};
-use crate::light::LightList;
 use crate::wire::write_list_line;
+use lightcast_core::light::LightList;
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};

@@ -1,5 +1,5 @@
-use crate::light::{Light, LightList, Prefixes};
 use crate::wire::Subscription;
+use lightcast_core::light::{Light, LightList, Prefixes};
 
 /// Takes of lists in a file what a server would send of them.
 pub(super) struct Selection {

@@ -1,7 +1,7 @@
 use crate::cli::messages::PROGRESS;
-use crate::light::LightList;
 use crate::rt::{monotonic_ns, utc_from_monotonic_ns};
 use crate::wire::Message;
+use lightcast_core::light::LightList;
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::time::{Duration, Instant};

@@ -1,6 +1,6 @@
 use super::{grow, kollig_keller, relax};
-use crate::light::{Light, Voronoi};
 use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::light::{Light, Voronoi};
 use lightcast_core::math::fibonacci_sphere;
 use lightcast_core::test_data::{hard_maps, real_map};
 

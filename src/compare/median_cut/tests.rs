@@ -1,8 +1,8 @@
 use super::{median_cut, regions};
 use crate::compare::rectangles::{Content, Pixels, Rectangle};
 use crate::compare::variance_minimisation;
-use crate::light::Light;
 use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::light::Light;
 use lightcast_core::test_data::{hard_maps, real_maps};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);

@@ -3,9 +3,9 @@
 use super::super::plain_paper;
 use super::{Bound, Case, Row, row};
 use crate::error::Result;
-use crate::light::{Extractor, Light, LightList, Options};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
+use lightcast_core::light::{Extractor, Light, LightList, Options};
 use lightcast_core::math::{angle_between, direction};
 use lightcast_core::sampling::sample_points;
 use std::f64::consts::TAU;

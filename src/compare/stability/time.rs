@@ -5,9 +5,9 @@ use super::maps::{power, reference};
 use super::{Bound, Case, Row, row};
 use crate::design::{FilterOptions, RateFilter, low_pass};
 use crate::error::Result;
-use crate::light::{Extractor, Light, LightList, Options};
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape, Stamp};
+use lightcast_core::light::{Extractor, Light, LightList, Options};
 use lightcast_core::math::{angle_between, direction};
 use lightcast_core::sampling::sample_points;
 

@@ -1,8 +1,8 @@
 use super::{Component, Strata, apportion, components, levels, structured};
 use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
-use crate::light::measure::Reference;
-use crate::light::{self, LightList};
 use lightcast_core::image::{PolarMap, PolarShape};
+use lightcast_core::light::measure::Reference;
+use lightcast_core::light::{self, LightList};
 use lightcast_core::test_data::{hard_maps, real_maps};
 
 const SHAPE: PolarShape = PolarShape::hemisphere(36, 9);

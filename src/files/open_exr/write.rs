@@ -10,7 +10,7 @@ use lightcast_core::image::{Frame, Pixels, PolarMap};
 use std::io::{Cursor, Seek, Write};
 use std::path::Path;
 
-/// Writes radiance as an OpenEXR file, channels `R`, `G`, `B` or `Y`, ZIP-compressed (lossless) scan lines.
+/// Writes radiance as an OpenEXR file, channels `R`, `G`, `B` (and `A`) or `Y`, ZIP-compressed (lossless) scan lines.
 ///
 /// `half` halves the size: 11 bits of precision, values from 65520 up become infinite. The frame rate goes
 /// into `framesPerSecond`. The same frame gives the same bytes each time.
@@ -109,7 +109,11 @@ fn encode(
         Pixels::Radiance(values) => values.len(),
     };
     check_samples(frame.width, frame.height, frame.channels, count)?;
-    let names: &[&str] = if frame.channels == 1 { &["Y"] } else { &["R", "G", "B"] };
+    let names: &[&str] = match frame.channels {
+        1 => &["Y"],
+        4 => &["R", "G", "B", "A"],
+        _ => &["R", "G", "B"],
+    };
     let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = names
         .iter()
         .enumerate()

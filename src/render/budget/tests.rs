@@ -2,8 +2,8 @@ use super::*;
 
 const TARGET_NS: f64 = 16_666_667.0;
 
-/// A renderer, in parts of the target: fixed, per light, per shadow map; evenly distributed noise of up to `noise`,
-/// and in `spikes` of all frames 3 to 10 times the time.
+/// A renderer, in parts of the target: fixed, per light, per shadow map; evenly distributed noise of up to
+/// `noise`, and in `spikes` of all frames 3 to 10 times the time.
 #[derive(Clone, Copy)]
 struct Renderer {
     fixed: f64,
@@ -200,8 +200,8 @@ fn single_slow_frames_change_nothing_and_many_slow_ones_little() {
             extremes = times().fold(extremes, |[least, most], time| [least.min(time), most.max(time)]);
         }
         println!("{spikes} slow frames: means {means:.3?}, least and most {extremes:.3?}");
-        // Four slow frames of seven are overload, and come up by accident: once in 200,000 frames where two in a
-        // hundred are slow, once in 400 where ten are. The answer is never a longer frame.
+        // Four slow frames of seven are overload, and come up by accident: once in 200,000 frames where two
+        // in a hundred are slow, once in 400 where ten are. The answer is never a longer frame.
         assert!(extremes[1] <= 1.1 && means[0] >= least_mean, "{spikes}: {means:?} {extremes:?}");
     }
 }

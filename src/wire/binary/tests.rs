@@ -1,7 +1,7 @@
 use super::super::{read_list, write_list_line};
 use super::*;
-use crate::light::prefix;
 use glam::DVec3;
+use lightcast_core::light::prefix;
 use lightcast_core::math::angle_between;
 
 const GOLDEN: &[u8] = include_bytes!("../../../tests/golden/message.bin");

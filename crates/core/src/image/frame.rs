@@ -59,6 +59,7 @@ impl fmt::Display for Bayer {
 }
 
 /// One picture from a source: 1 channel (luminance, or a mosaic of colours) or 3 (linear RGB).
+/// Rendered pictures that are written may have a fourth, alpha, by which the others are multiplied.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Time and place in the sequence.
@@ -67,7 +68,7 @@ pub struct Frame {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// 1 or 3.
+    /// 1, 3, or 4 with alpha.
     pub channels: usize,
     /// Colours of the pixels of a mosaic sensor, whose frames have 1 channel; `None` for all others.
     pub bayer: Option<Bayer>,

@@ -95,22 +95,26 @@ impl PolarShape {
     }
 
     /// Polar angle of the upper edge of `row`; `row == rows` gives the lower rim.
+    #[inline]
     pub fn theta_edge_rad(&self, row: usize) -> f64 {
         self.theta_max_rad * row as f64 / self.rows as f64
     }
 
     /// Height `z = 1 - cos theta` at a row: a whole number is the row's upper edge, and half more its centre.
+    #[inline]
     pub fn height(&self, row: f64) -> f64 {
         // This form keeps its digits near the pole.
         2.0 * (0.5 * self.theta_max_rad * row / self.rows as f64).sin().powi(2)
     }
 
     /// Solid angle in steradians of one pixel of `row`.
+    #[inline]
     pub fn pixel_solid_angle(&self, row: usize) -> f64 {
         zone_solid_angle(self.theta_edge_rad(row), self.theta_edge_rad(row + 1), 1.0 / self.columns as f64)
     }
 
     /// Direction of the centre (middle of both angles) of a pixel.
+    #[inline]
     pub fn pixel_direction(&self, row: usize, column: usize) -> DVec3 {
         direction(
             self.theta_max_rad * (row as f64 + 0.5) / self.rows as f64,
@@ -184,6 +188,7 @@ impl PolarMap {
     }
 
     /// Luminance of a pixel.
+    #[inline]
     pub fn luminance(&self, row: usize, column: usize) -> f32 {
         luminance(self.pixels[row * self.shape.columns + column])
     }

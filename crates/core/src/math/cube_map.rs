@@ -22,6 +22,7 @@ const LEAST_MAJOR: f32 = 1e-30;
 /// The zero vector lies in the middle of face 4 (+Z), in row and column `side / 2`. Vectors with a coordinate that is
 /// infinite or NaN have some cell, always the same one on the CPU. Rounding puts a direction beside its cell by at most
 /// 5e-7 rad, also where a GPU divides to 2.5 units in the last place. Shaders repeat this function line by line.
+#[inline]
 pub fn cube_cell(direction: [f32; 3], side: u32) -> u32 {
     let [x, y, z] = direction;
     let (face, m, a, b) = if z.abs() >= x.abs() && z.abs() >= y.abs() {

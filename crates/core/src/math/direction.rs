@@ -2,6 +2,7 @@ use glam::DVec3;
 use std::f64::consts::TAU;
 
 /// Unit vector `(sin theta cos phi, cos theta, sin theta sin phi)`; angles in radians.
+#[inline]
 pub fn direction(theta_rad: f64, phi_rad: f64) -> DVec3 {
     let (sin_theta, cos_theta) = theta_rad.sin_cos();
     let (sin_phi, cos_phi) = phi_rad.sin_cos();
@@ -9,6 +10,7 @@ pub fn direction(theta_rad: f64, phi_rad: f64) -> DVec3 {
 }
 
 /// Unit vector at the height `z = 1 - cos theta`, from 0 to 2, and an azimuth in radians.
+#[inline]
 pub fn direction_at_height(z: f64, phi_rad: f64) -> DVec3 {
     let sin_theta = (z * (2.0 - z)).max(0.0).sqrt();
     let (sin_phi, cos_phi) = phi_rad.sin_cos();
@@ -18,6 +20,7 @@ pub fn direction_at_height(z: f64, phi_rad: f64) -> DVec3 {
 /// `(theta, phi)` of a vector of any positive length: theta in [0, pi], phi in [0, 2 pi). The inverse of
 /// [`direction`]; exact near the poles, where an arc cosine would lose half the digits. The zero vector gives
 /// (0, 0).
+#[inline]
 pub fn polar(v: DVec3) -> (f64, f64) {
     let theta_rad = v.x.hypot(v.z).atan2(v.y);
     let phi_rad = v.z.atan2(v.x).rem_euclid(TAU);
@@ -26,6 +29,7 @@ pub fn polar(v: DVec3) -> (f64, f64) {
 }
 
 /// Angle between two vectors of any positive length, radians in [0, pi], exact for small angles.
+#[inline]
 pub fn angle_between(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }

@@ -1,4 +1,4 @@
-//! Directions, tables over them, and solid angles.
+//! Directions, tables over them, and solid angles; the curve of sRGB.
 //!
 //! World frame: right-handed, +Y up. A direction is a unit vector from the scene towards the light;
 //! `theta` is the polar angle from +Y, `phi` the azimuth in [0, 2 pi) from +X towards +Z.
@@ -8,9 +8,11 @@ mod cube_map;
 mod direction;
 mod fibonacci;
 mod solid_angle;
+mod srgb;
 
 pub use concentric::{disc_from_square, square_from_disc};
 pub use cube_map::{cube_cell, cube_cell_solid_angle, cube_direction};
 pub use direction::{angle_between, direction, direction_at_height, polar};
 pub use fibonacci::fibonacci_sphere;
 pub use solid_angle::zone_solid_angle;
+pub use srgb::{linear_from_srgb, srgb_from_linear};

@@ -1,0 +1,184 @@
+//! What a picture is lit by, what of the scene is in it, and how it looks.
+
+use crate::cli::input::is_standard_input;
+use crate::cli::panorama::read_panorama;
+use crate::error::{Error, Result};
+use crate::files;
+use crate::render::{self, Background, Exposure, Lightings};
+use crate::scene::{Roles, Scene};
+use clap::ValueEnum;
+use lightcast_core::image::{Frame, PolarShape};
+use std::f64::consts::PI;
+use std::path::Path;
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Look {
+    /// Kinds of light that add up: directional lights with shadows, and the ground's (ambient; see
+    /// --ground-albedo).
+    #[arg(long, value_name = "KIND,...", value_enum, value_delimiter = ',',
+        default_values_t = [LightingName::Directional, LightingName::Ambient])]
+    lighting: Vec<LightingName>,
+
+    /// Albedo of a ground all around whose light, which a camera that looks up does not see, falls on
+    /// undersides; 0: none.
+    #[arg(long, value_name = "ALBEDO", default_value_t = 0.0, value_parser = albedo)]
+    ground_albedo: f32,
+
+    /// Behind the scene: R,G,B (linear radiance), `panorama` (INPUT itself), or `transparent` (alpha in PNG
+    /// and EXR). Default: a dark grey.
+    #[arg(long, value_name = "BACKGROUND", value_parser = background)]
+    background: Option<BackgroundName>,
+
+    /// Multiply radiance by two to the power of this [default: what suits the picture, smoothed over time].
+    #[arg(long, value_name = "STOPS", allow_hyphen_values = true, value_parser = stops)]
+    exposure: Option<f32>,
+
+    /// Curve from radiance to PNG or window: Reinhard's, that of sRGB alone (clips at 1), or none (clips
+    /// too).
+    #[arg(long, value_enum, default_value_t = ToneName::Reinhard)]
+    tone: ToneName,
+
+    /// Node of the scene, with all below it, that casts shadows but is not seen. May be given again.
+    #[arg(long, value_name = "NODE")]
+    hold_out: Vec<String>,
+
+    /// Node that neither is seen nor casts shadows. May be given again.
+    #[arg(long, value_name = "NODE")]
+    unseen: Vec<String>,
+
+    /// Node that casts no shadows. May be given again.
+    #[arg(long, value_name = "NODE")]
+    no_shadow: Vec<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum LightingName {
+    Directional,
+    Ambient,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum BackgroundName {
+    Colour([f32; 3]),
+    Panorama,
+    Transparent,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ToneName {
+    Reinhard,
+    Srgb,
+    None,
+}
+
+/// Most columns of a panorama behind a scene: 128 MB on the device.
+const MOST_COLUMNS: usize = 4096;
+
+impl Look {
+    pub(super) fn lighting(&self) -> Lightings {
+        let has = |name| self.lighting.contains(&name);
+        Lightings { directional: has(LightingName::Directional), ambient: has(LightingName::Ambient) }
+    }
+
+    pub(super) fn ground_albedo(&self) -> f32 {
+        self.ground_albedo
+    }
+
+    pub(super) fn is_transparent(&self) -> bool {
+        self.background == Some(BackgroundName::Transparent)
+    }
+
+    /// Gives the scene's nodes the roles that were asked for.
+    pub(super) fn set_roles(&self, scene: &mut Scene) -> Result<()> {
+        for (names, roles) in [
+            (&self.hold_out, Roles::HELD_OUT),
+            (&self.unseen, Roles::NONE),
+            (&self.no_shadow, Roles::NO_SHADOW),
+        ] {
+            names.iter().try_for_each(|name| scene.set_roles(name, roles))?;
+        }
+        Ok(())
+    }
+
+    /// How pictures look; `panorama`: INPUT, if it is one.
+    pub(super) fn of_pictures(&self, panorama: Option<&Path>) -> Result<render::Look> {
+        let background = match self.background {
+            None => Background::Grey,
+            Some(BackgroundName::Colour(colour)) => Background::Colour(colour),
+            Some(BackgroundName::Transparent) => Background::Transparent,
+            Some(BackgroundName::Panorama) => {
+                let path = panorama.ok_or_else(|| {
+                    Error::usage("--background panorama shows the panorama that is the input; give one")
+                })?;
+                if is_standard_input(path) {
+                    return Err(Error::usage(
+                        "--background panorama reads the panorama again; give a file, not `-`",
+                    ));
+                }
+                Background::Panorama(read_panorama(path, own_shape(path)?)?)
+            }
+        };
+        Ok(render::Look {
+            background,
+            exposure: self.exposure.map_or(Exposure::Automatic, Exposure::Stops),
+            tone: match self.tone {
+                ToneName::Reinhard => render::Tone::Reinhard,
+                ToneName::Srgb => render::Tone::Srgb,
+                ToneName::None => render::Tone::None,
+            },
+        })
+    }
+}
+
+/// As many pixels as the file has, within what a device holds.
+fn own_shape(path: &Path) -> Result<PolarShape> {
+    let mut frame = Frame::default();
+    files::read(path, &mut frame)?;
+    let columns = frame.width.min(MOST_COLUMNS);
+    let rows = (columns * frame.height / frame.width.max(1)).max(1);
+    Ok(PolarShape::new(columns, rows, PI)?)
+}
+
+fn albedo(text: &str) -> Result<f32, String> {
+    let albedo: Option<f32> = text.parse().ok();
+    albedo.filter(|albedo| (0.0..=1.0).contains(albedo)).ok_or("give 0 to 1".to_owned())
+}
+
+fn stops(text: &str) -> Result<f32, String> {
+    let stops: Option<f32> = text.parse().ok();
+    stops.filter(|stops| (-64.0..=64.0).contains(stops)).ok_or("give -64 to 64 stops".to_owned())
+}
+
+fn background(text: &str) -> Result<BackgroundName, String> {
+    match text {
+        "panorama" => return Ok(BackgroundName::Panorama),
+        "transparent" => return Ok(BackgroundName::Transparent),
+        _ => {}
+    }
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[r, g, b]) if [r, g, b].iter().all(|v| v.is_finite() && *v >= 0.0) => {
+            Ok(BackgroundName::Colour([r, g, b]))
+        }
+        _ => {
+            Err("write `panorama`, `transparent`, or three numbers of at least 0, such as 0.1,0.2,0.3"
+                .to_owned())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds_are_colours_or_names() {
+        assert_eq!(background("0.5, 1,2e1"), Ok(BackgroundName::Colour([0.5, 1.0, 20.0])));
+        assert_eq!(background("transparent"), Ok(BackgroundName::Transparent));
+        for text in ["", "grey", "1,2", "1,2,-3", "1,2,nan", "1,2,inf"] {
+            assert!(background(text).is_err(), "{text}");
+        }
+        assert!(albedo("1.1").is_err() && albedo("nan").is_err() && albedo("0.3") == Ok(0.3));
+        assert!(stops("inf").is_err() && stops("-3") == Ok(-3.0));
+    }
+}

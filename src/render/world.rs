@@ -1,0 +1,42 @@
+use super::geometry::Geometry;
+use super::material::Materials;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::scene::{Camera, Scene};
+use glam::Mat4;
+
+/// The scene and what of it lies on the device.
+pub(super) struct World {
+    pub scene: Scene,
+    pub geometry: Geometry,
+    pub materials: Materials,
+    world_from_mesh: Vec<Mat4>,
+}
+
+impl World {
+    /// Posed as at time 0.
+    ///
+    /// # Errors
+    /// For a scene that the device cannot hold.
+    pub fn new(gpu: &Gpu, scene: Scene) -> Result<Self> {
+        let geometry = Geometry::new(gpu, &scene)?;
+        let materials = Materials::new(gpu, &scene)?;
+        let mut world = Self { scene, geometry, materials, world_from_mesh: Vec::new() };
+        world.pose(gpu, 0.0);
+        Ok(world)
+    }
+
+    /// Moves everything to where it is at `time_s`.
+    pub fn pose(&mut self, gpu: &Gpu, time_s: f64) {
+        self.scene.pose(time_s, &mut self.world_from_mesh);
+        self.geometry.pose(gpu, &self.scene, &self.world_from_mesh);
+    }
+
+    /// The file's camera, or one that shows the whole scene in a picture of `aspect`.
+    pub fn default_camera(&self, aspect: f32) -> Camera {
+        let Geometry { casters, all, .. } = self.geometry;
+        // A ground reaches far beyond what stands on it.
+        let framed = if casters.is_empty() { all } else { casters };
+        self.scene.camera.unwrap_or_else(|| Camera::framing(&framed, aspect))
+    }
+}

@@ -1,0 +1,49 @@
+//! What `cargo package` packs of either package: all that its build reads and its texts, and no data of tests, no
+//! recordings and nothing of continuous integration.
+
+#![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
+
+use std::path::Path;
+use std::process::Command;
+
+fn packed(package: &str) -> Vec<String> {
+    let output = Command::new(env!("CARGO"))
+        .args(["package", "--list", "--allow-dirty", "--offline", "--package", package])
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
+}
+
+fn check(package: &str, needed: &[&str], folders: &[&str]) {
+    let files = packed(package);
+    for name in
+        ["Cargo.toml", "LICENSE-APACHE", "LICENSE-MIT", "README.md", "src/lib.rs"].iter().chain(needed)
+    {
+        assert!(files.iter().any(|file| file == name), "{package} lacks {name}");
+    }
+    for file in &files {
+        let (folder, rest) = file.split_once('/').unwrap_or(("", file));
+        assert!(folder.is_empty() || folders.contains(&folder), "{package}: {file}");
+        let is_hidden = rest.starts_with('.') && file != ".cargo_vcs_info.json";
+        assert!(!is_hidden && file != "Makefile", "{package}: {file}");
+    }
+}
+
+#[test]
+fn the_core_packs_sources_examples_and_texts() {
+    check("lightcast-core", &["examples/panorama.rs"], &["examples", "src"]);
+}
+
+#[test]
+fn the_program_packs_what_is_compiled_in_and_what_its_texts_name() {
+    let needed = [
+        "ARCHITECTURE.md",
+        "clients/lightcast.js",
+        "config/replay.toml",
+        "src/main.rs",
+        "src/net/page/page.js",
+    ];
+    check("lightcast", &needed, &["clients", "config", "docs", "shaders", "src"]);
+}
