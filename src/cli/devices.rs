@@ -1,4 +1,4 @@
-use super::report::print;
+use super::standard_output::print;
 use crate::error::Result;
 use crate::source::v4l2::{Control, ControlKind, Device, Size, devices};
 use std::fmt::Write as _;

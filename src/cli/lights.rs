@@ -1,30 +1,45 @@
+use super::input::Input;
 use super::panorama::{map_shape, read_panorama};
 use super::resolution::Resolution;
 use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::{Error, Result};
+use crate::files::replace_file;
+use crate::picture::draw_map;
 use crate::wire::write_list_line;
 use clap::ValueEnum;
 
 use lightcast_core::light::error::ListError;
 use lightcast_core::light::{self, ReferencedList};
 use std::io::{self, ErrorKind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Print the lights of one panorama.
 ///
-/// MAP is a lat-long panorama of the whole sphere, +Y up: OpenEXR or Radiance HDR. The result is one light list, a
-/// line of JSON on standard output, made by the same code that `run` uses for every frame.
+/// INPUT is a lat-long panorama of the whole sphere, +Y up: OpenEXR or Radiance HDR, a file or `-` for standard input.
+/// The result is one light list, a line of JSON, made by the same code that `run` uses for every frame. It goes to
+/// standard output, or to --output.
 ///
-/// Example: lightcast lights garden.hdr --count 64 --hemisphere | jq .power
+/// Examples:
+///   lightcast lights garden.hdr --lights 64 --hemisphere | jq .power
+///   lightcast lights garden.hdr --output garden.jsonl --picture garden.png
+///   lightcast lights - < garden.hdr
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// The panorama.
-    map: PathBuf,
+    /// The panorama, or `-` for standard input.
+    input: PathBuf,
+
+    /// Write the list to this file instead of standard output.
+    #[arg(long, short, value_name = "FILE")]
+    output: Option<PathBuf>,
+
+    /// Draw the map into this file (.png), with a ring for every light whose area is the light's share of the power.
+    #[arg(long, value_name = "FILE.png")]
+    picture: Option<PathBuf>,
 
     /// Number of lights; samples are spread best at 2^k 3^m.
-    #[arg(long, value_name = "N", default_value_t = 64)]
-    count: usize,
+    #[arg(long, alias = "count", value_name = "N", default_value_t = 64)]
+    lights: usize,
 
     /// How the map becomes lights.
     #[arg(long, value_enum, default_value_t = SamplerName::Refined)]
@@ -90,10 +105,12 @@ impl From<SamplerName> for Sampler {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
+    let panorama = Input::panorama(&arguments.input, "lights")?;
+    let picture = arguments.picture.as_deref().map(png).transpose()?;
     let shape = map_shape(arguments.resolution, arguments.hemisphere)?;
-    let map = read_panorama(&arguments.map, shape)?;
+    let map = read_panorama(&panorama, shape)?;
     let options = Options {
-        count: arguments.count,
+        count: arguments.lights,
         sampler: arguments.sampler.into(),
         inversion: match arguments.inversion {
             InversionName::Bicontinuous => Inversion::Bicontinuous,
@@ -104,10 +121,25 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let mut list = ReferencedList::default();
     AnyExtractor::new(map.shape, &options)?.step(&map, &mut list);
     ListError::new().measure(&mut list);
-    match write_list_line(&list.list, io::stdout().lock()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::failed("standard output cannot be written").because(error))
-        }
-        _ => Ok(()),
+    if let Some(path) = picture {
+        draw_map(&map, &list.list.lights).write(path)?;
+    }
+    let failed = |error: io::Error| Error::failed("cannot be written").because(error);
+    match &arguments.output {
+        Some(path) => replace_file(path, |writer| write_list_line(&list.list, writer).map_err(failed)),
+        None => match write_list_line(&list.list, io::stdout().lock()) {
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(failed(error).at("standard output")),
+            _ => Ok(()),
+        },
+    }
+}
+
+/// The name of a picture that can be drawn.
+fn png(path: &Path) -> Result<&Path> {
+    let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if is_png {
+        Ok(path)
+    } else {
+        Err(Error::usage("--picture draws a PNG file; give it a name that ends in .png").at(path.display()))
     }
 }

@@ -3,6 +3,7 @@
 mod calibrate;
 #[cfg(feature = "camera")]
 mod devices;
+mod input;
 mod lights;
 mod messages;
 mod panorama;
@@ -17,10 +18,10 @@ mod report_pictures;
 mod report_speed;
 mod resolution;
 mod run;
-mod serving;
 mod signals;
+mod standard_input;
+mod standard_output;
 mod synthesize;
-mod systemd;
 mod watch;
 
 use crate::error::{Error, Kind};

@@ -1,3 +1,4 @@
+use super::input::ConfigurationArguments;
 use super::run::watch;
 use super::signals::SignalWatch;
 use crate::config::Config;
@@ -9,7 +10,7 @@ use std::time::{Duration, Instant};
 
 /// Record what a camera gives, as it comes, without making lights.
 ///
-/// Every frame becomes a file `frame.NNNNNN.exr` with its sequence number: sensor codes without loss, with rate, capture
+/// CONFIG names the camera in its section [source]; before there is a calibration, leave [camera] out. Every frame becomes a file `frame.NNNNNN.exr` with its sequence number: sensor codes without loss, with rate, capture
 /// time, exposure, mosaic and lens in its attributes. `recording.json` beside them says what was recorded and how many
 /// frames are missing. A disk that is too slow loses frames of the recording, which are counted as drops; a full disk
 /// ends it, and all that was written before can be played.
@@ -17,13 +18,12 @@ use std::time::{Duration, Instant};
 /// The recording is played as any sequence: kind = "sequence" with the folder as its path. To record while lights are
 /// made, see `lightcast run --record`.
 ///
-/// Example: lightcast record --config config/camera.toml --output recording/ --seconds 10
+/// Example: lightcast record config/camera.toml --output recording/ --seconds 10
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Configuration file (TOML) that names the camera; before there is a calibration, leave [camera] out.
-    #[arg(long, short, value_name = "FILE")]
-    config: PathBuf,
+    #[command(flatten)]
+    config: ConfigurationArguments,
 
     /// New or empty folder for the recording.
     #[arg(long, short, value_name = "DIR")]
@@ -55,7 +55,8 @@ fn seconds(text: &str) -> Result<Duration, String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let config = Config::load(&arguments.config)?;
+    arguments.config.check("record")?;
+    let config = Config::load(arguments.config.path())?;
     let options = RecordOptions {
         folder: arguments.output.clone(),
         samples: if arguments.half { RecordSamples::Half } else { RecordSamples::AsCaptured },

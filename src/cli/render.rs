@@ -1,46 +1,38 @@
+mod files;
+mod lists;
 mod look;
-mod stream;
 mod values;
 mod window;
 
+use super::input::{Input, InputArguments};
 use super::lights::SamplerName;
-use super::panorama::{map_shape, read_panorama};
-use super::progress::Progress;
 use super::resolution::Resolution;
-use super::signals::SignalWatch;
 use crate::compare::{self, AnyExtractor, Inversion};
-use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
-use crate::render::{self, Options, Renderer, emitters};
-use crate::rt::Shutdown;
-use crate::rt::stage::{self as stages, Stage};
+use crate::net::ClientOptions;
+use crate::render::{self, Options, Renderer};
 use crate::scene::{Camera, Scene, Shading};
-use crate::service::{Ends, Input as ServiceInput, ListReader, Service};
-use crate::stage::{Files, PictureWriter, Render};
-use crate::wire::ListFile;
 use clap::ValueEnum;
 use glam::Vec3;
 use lightcast_core::image::PolarMap;
 use lightcast_core::light::{Light, LightList};
-use std::io::{self, Write as _};
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
-use values::{Input, Target, field_of_view, milliseconds, vector};
-
-pub(super) use stream::run_stream;
+use values::{Target, field_of_view, milliseconds, vector};
 
 /// Render a scene under captured light.
 ///
 /// INPUT is one of
 ///   a panorama of the whole sphere, OpenEXR or Radiance HDR;
 ///   light lists, one JSON object a line, as `run` and `lights` write them (.jsonl, .json);
-///   a configuration of a sequence, as for `run` (.toml);
-///   the address of a server (ws://HOST:PORT); `watch --render` does the same with more to choose.
+///   a configuration, as for `run` (.toml);
+///   the address of a server (ws://HOST:PORT or HOST:PORT); `watch --render` does the same with more to choose;
+///   `-`: light lists or a panorama on standard input.
 ///
-/// The picture goes to a file, .png for people or .exr for linear radiance; for several lists name a folder, which
-/// gets frame_NUMBER.png. Without --output a window opens, if there is a display; there lists arrive at their own pace,
-/// and the newest is shown. Its keys:
+/// --output names a file, .png for people or .exr for linear radiance, which gets a picture of the first list; or a folder,
+/// which gets frame_NUMBER.png for every list. Without --output a window opens, if there is a display; there lists arrive
+/// at their own pace, and the newest is shown. Its keys:
 ///   drag left, right   turn round the scene, move sideways (Shift and left does that too)
 ///   wheel              go nearer or away
 ///   Space              freeze the lights, or let them go on
@@ -55,11 +47,16 @@ pub(super) use stream::run_stream;
 ///   lightcast render garden.hdr --output garden.png --scene bunny.glb --ground
 ///   lightcast render config/replay.toml --output frames/ --every 10
 ///   lightcast render config/replay.toml --budget 16
+///   lightcast lights garden.hdr --lights 300 | lightcast render - --lights 300 --output garden.png
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// A panorama, light lists, a configuration or a server.
-    input: PathBuf,
+    #[command(flatten)]
+    input: InputArguments,
+
+    /// What a server as INPUT is asked for, where `watch` says more than its address.
+    #[arg(skip)]
+    subscription: Option<ClientOptions>,
 
     /// Picture file (.png, .exr), or folder for numbered pictures (made if it does not exist). Default: a window.
     #[arg(long, short, value_name = "FILE|FOLDER")]
@@ -164,13 +161,30 @@ enum BackendName {
 const SAMPLES: u32 = 4;
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let Some(output) = &arguments.output else { return window::run(arguments) };
-    let target = Target::of(output)?;
-    match Input::of(&arguments.input) {
-        Input::Panorama => render_panorama(arguments, &target),
-        Input::Lists => render_lists(arguments, &target),
-        Input::Configuration => render_sequence(arguments, &target),
-        Input::Server => stream::render(arguments, &target, stream::server(arguments)?),
+    let target = arguments.output.as_deref().map(Target::of).transpose()?;
+    let input = arguments.input.input()?;
+    if let Input::Panoramas(_) = &input {
+        let why = "name one of the panoramas, or a configuration whose section [source] has the folder or pattern as its path";
+        return Err(input.refused("render", why));
+    }
+    match target {
+        None => window::run(arguments, &input),
+        Some(target) => files::run(arguments, &input, &target),
+    }
+}
+
+impl Arguments {
+    /// The arguments of `lightcast render INPUT REST...`, with what a server is asked for; help, and a fault with what is
+    /// wrong, end the program as they do there.
+    pub fn of_watch(input: &OsStr, rest: &[OsString], subscription: Option<ClientOptions>) -> Self {
+        #[derive(clap::Parser)]
+        #[command(name = "lightcast watch INPUT --render")]
+        struct Line {
+            #[command(flatten)]
+            arguments: Arguments,
+        }
+        let line = [OsStr::new("render"), input].into_iter().chain(rest.iter().map(OsString::as_os_str));
+        Self { subscription, ..<Line as clap::Parser>::parse_from(line).arguments }
     }
 }
 
@@ -197,19 +211,22 @@ fn options(arguments: &Arguments) -> Options {
     }
 }
 
-fn renderer(arguments: &Arguments) -> Result<Renderer> {
+fn renderer(arguments: &Arguments, input: &Input) -> Result<Renderer> {
     let scene = scene(arguments)?;
     let gpu = Gpu::open(&Gpu::instance(backend(arguments)), None)?;
     tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
     let mut renderer = Renderer::new(gpu, scene, &options(arguments))?;
-    renderer.set_look(&look(arguments)?)?;
+    renderer.set_look(&look(arguments, input)?)?;
     renderer.pose(arguments.time);
     Ok(renderer)
 }
 
-fn look(arguments: &Arguments) -> Result<render::Look> {
-    let is_panorama = Input::of(&arguments.input) == Input::Panorama;
-    arguments.look.of_pictures(is_panorama.then_some(arguments.input.as_path()))
+fn look(arguments: &Arguments, input: &Input) -> Result<render::Look> {
+    let panorama = match input {
+        Input::Panorama(path) => Some(path.as_path()),
+        _ => None,
+    };
+    arguments.look.of_pictures(panorama)
 }
 
 fn samples(arguments: &Arguments) -> u32 {
@@ -257,28 +274,6 @@ fn camera(arguments: &Arguments, renderer: &Renderer) -> Result<Camera> {
     Ok(camera)
 }
 
-fn render_panorama(arguments: &Arguments, target: &Target) -> Result<()> {
-    let Target::File { path, is_exr } = target else {
-        return Err(Error::usage("a panorama gives one picture; name a .png or .exr file").at(target.name()));
-    };
-    let map = read_panorama(&arguments.input, map_shape(arguments.resolution, arguments.hemisphere)?)?;
-    let mut renderer = renderer(arguments)?;
-    let camera = camera(arguments, &renderer)?;
-    if arguments.reference {
-        let lights = emitters(&map);
-        let progress = Progress::of(Some(lights.len() as u64), "emitters");
-        renderer.draw_reference(&lights, &camera, samples(arguments), |done| {
-            progress.set_position(done as u64);
-            true
-        })?;
-        progress.finish();
-    } else {
-        let lights = lights_of_map(arguments, renderer.scene(), &map)?;
-        renderer.draw(&lights, &camera, samples(arguments))?;
-    }
-    PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)
-}
-
 /// A surface that mirrors anything needs set L.
 fn lights_of_map(arguments: &Arguments, scene: &Scene, map: &PolarMap) -> Result<Vec<Light>> {
     let is_glossy = scene.materials.iter().any(|material| match material.shading {
@@ -291,81 +286,6 @@ fn lights_of_map(arguments: &Arguments, scene: &Scene, map: &PolarMap) -> Result
     let mut list = LightList::default();
     AnyExtractor::new(map.shape, &options)?.extract(map, &mut list);
     Ok(list.lights)
-}
-
-fn render_lists(arguments: &Arguments, target: &Target) -> Result<()> {
-    no_reference(arguments)?;
-    let mut file = ListFile::open(&arguments.input)?;
-    let mut renderer = renderer(arguments)?;
-    let camera = camera(arguments, &renderer)?;
-    let mut list = LightList::default();
-    match target {
-        Target::File { path, is_exr } => {
-            if !file.read(&mut list)? {
-                return Err(Error::failed("holds no light list").at(arguments.input.display()));
-            }
-            renderer.draw(&list.lights, &camera, samples(arguments))?;
-            PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr)
-        }
-        Target::Folder(folder) => {
-            let mut render = numbered(arguments, renderer, camera, folder)?;
-            let progress = Progress::of(None, "lists");
-            while file.read(&mut list)? {
-                render.step(&list, &mut ())?;
-                progress.inc(1);
-            }
-            progress.finish();
-            Ok(())
-        }
-    }
-}
-
-/// The service makes lists on its threads; this one renders them.
-fn render_sequence(arguments: &Arguments, target: &Target) -> Result<()> {
-    no_reference(arguments)?;
-    let Target::Folder(folder) = target else {
-        return Err(Error::usage("a sequence gives many pictures; name a folder").at(target.name()));
-    };
-    let config = Config::load(&arguments.input)?;
-    let shutdown = Shutdown::new();
-    let _signals = SignalWatch::start(&shutdown)?;
-    let renderer = renderer(arguments)?;
-    let camera = camera(arguments, &renderer)?;
-    let render = numbered(arguments, renderer, camera, folder)?;
-    let input = ServiceInput::open(&config)?;
-    let progress = Progress::of(input.frame_count(), "lists");
-    let shown = Shown { render, progress: progress.clone() };
-    let ends = Ends { readers: vec![ListReader::new("render", shown)], ..Ends::default() };
-    let service = Service::start_with(&config, input, ends, &shutdown)?;
-    let summary = service.summary();
-    let served = service.join(Duration::from_millis(100), || ());
-    progress.finish();
-    let _ = write!(io::stderr(), "{summary}");
-    served
-}
-
-/// A stage that shows how far it is.
-struct Shown {
-    render: Render,
-    progress: Progress,
-}
-
-impl Stage for Shown {
-    type Input = LightList;
-    type Output = ();
-
-    fn step(&mut self, list: &LightList, (): &mut ()) -> Result<stages::Flow> {
-        self.progress.inc(1 + list.stamp.lost_before);
-        self.render.step(list, &mut ())
-    }
-}
-
-fn numbered(arguments: &Arguments, renderer: Renderer, camera: Camera, folder: &Path) -> Result<Render> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
-    })?;
-    let files = Files { folder: folder.to_owned(), are_exr: false };
-    Ok(Render::new(renderer, camera, samples(arguments), files, arguments.every))
 }
 
 fn no_reference(arguments: &Arguments) -> Result<()> {

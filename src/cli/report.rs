@@ -7,25 +7,26 @@ mod pictures;
 mod sequences;
 
 use super::signals::SignalWatch;
+use super::standard_output::print;
 use crate::compare::stability;
 use crate::error::{Error, Result};
 use crate::report::tables;
 use crate::rt::Shutdown;
 use lightcast_core::light::MAX_LIGHTS;
 use making::Report;
-use std::io::{self, ErrorKind, Write};
 use std::path::PathBuf;
 
 /// Measure error against time, as a page, plots and JSON.
 ///
-/// For every MAP and every way to make lights of it, with 4, 8, ... 1024 lights: error of irradiance, shadows and glossy
-/// surfaces against the time that the lights take. For every SEQUENCE: error against the filtered truth, flicker and
-/// motion of the lights against the time of a frame. Where there is a GPU, pictures under every MAP too. What is on the
-/// Pareto front is marked. Without a MAP or SEQUENCE three maps and two sequences are made up. The hard cases follow: what
+/// For every map and every way to make lights of it, with 4, 8, ... 1024 lights: error of irradiance, shadows and glossy
+/// surfaces against the time that the lights take. For every sequence: error against the filtered truth, flicker and
+/// motion of the lights against the time of a frame. Where there is a GPU, pictures under every map too. What is on the
+/// Pareto front is marked. Without an INPUT three maps and two sequences are made up. The hard cases follow: what
 /// plain f32 makes of them, and how far this program is from f64.
 ///
-/// A MAP is a lat-long panorama, OpenEXR or Radiance HDR. A SEQUENCE is a folder or pattern (name.####.exr) of numbered
-/// panoramas, or a configuration as `run --config` takes.
+/// An INPUT is a map or a sequence. A map is a lat-long panorama, OpenEXR or Radiance HDR, or `-` for one on standard
+/// input. A sequence is a folder or pattern (name.####.exr) of numbered panoramas, or a configuration as `run` takes it.
+/// Light lists and servers have no map to measure lights against and are refused.
 ///
 /// The folder gets index.html, which needs nothing else, report.json and the plots as SVG; it is written anew after every
 /// input. Ctrl-C (SIGINT) or SIGTERM ends the report with what is done; a second signal ends it at once. Thirteen maps
@@ -38,9 +39,13 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Panoramas and sequences.
-    #[arg(value_name = "MAP or SEQUENCE")]
+    /// Panoramas, sequences and configurations, or `-` for a panorama on standard input.
+    #[arg(value_name = "INPUT")]
     inputs: Vec<PathBuf>,
+
+    /// A configuration as a further INPUT, whatever it is called. May be given several times.
+    #[arg(long, value_name = "FILE")]
+    config: Vec<PathBuf>,
 
     /// Folder for the report; made if it is not there. Files of the same names are replaced.
     #[arg(long, short, value_name = "DIR", default_value = "report")]
@@ -52,7 +57,7 @@ pub(super) struct Arguments {
 
     /// Print the hard cases, in plain f32, here and in f64, and nothing else.
     #[arg(long, conflicts_with_all =
-          ["inputs", "output", "tables", "lights", "frames", "frame_rate", "garden", "hall"])]
+          ["inputs", "config", "output", "tables", "lights", "frames", "frame_rate", "garden", "hall"])]
     stability: bool,
 
     /// Numbers of lights, with commas between them.
@@ -128,16 +133,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let outcome = report.measure(&mut inputs);
     // What a later input spoiled is done all the same.
     report.finish(*outcome.as_ref().unwrap_or(&false)).and(outcome.map(|_| ()))
-}
-
-/// Writes lines to standard output; false when nobody reads it any more.
-pub(super) fn print(lines: &[String]) -> Result<bool> {
-    let mut out = io::stdout().lock();
-    match lines.iter().try_for_each(|line| writeln!(out, "{line}")) {
-        Ok(()) => Ok(true),
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
-        Err(error) => Err(Error::failed("standard output cannot be written").because(error)),
-    }
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
+use super::input::{Input, display_name, is_standard_input};
 use super::messages::PROGRESS;
 use super::panorama::{map_shape, read_panorama};
 use super::progress::Progress;
 use super::render::load_scene;
-use super::report::print;
 use super::resolution::Resolution;
+use super::standard_output::print;
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
 use crate::report::frame_time::heading;
@@ -24,7 +25,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Panoramas: OpenEXR or Radiance HDR.
+    /// Panoramas: OpenEXR or Radiance HDR; `-` for one on standard input.
     #[arg(required = true)]
     maps: Vec<PathBuf>,
 
@@ -60,8 +61,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
     let options = options([side(size.columns), side(size.rows)], *shadow_maps);
     let shape = map_shape(Some(*resolution), true)?;
-    let maps =
-        maps.iter().map(|path| Ok((name(path), read_panorama(path, shape)?))).collect::<Result<Vec<_>>>()?;
+    let map = |path: &PathBuf| {
+        let panorama = Input::panorama(path, "report-pictures")?;
+        Ok((name(path), read_panorama(&panorama, shape)?))
+    };
+    let maps = maps.iter().map(map).collect::<Result<Vec<_>>>()?;
     let mut models = vec![("built-in scene".to_owned(), Scene::built_in())];
     for path in scenes {
         models.push((name(path), load_scene(path, true)?));
@@ -110,5 +114,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
 
 /// A file as tables call it.
 pub(super) fn name(path: &Path) -> String {
+    if is_standard_input(path) {
+        return display_name(path);
+    }
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

@@ -1,8 +1,9 @@
+use super::input::Input;
 use super::messages::PROGRESS;
 use super::panorama::read_panorama;
 use super::progress::Progress;
-use super::report::print;
 use super::report_pictures::name;
+use super::standard_output::print;
 use crate::error::Result;
 use crate::gpu::{Backend, Gpu};
 use crate::report::frame_time::heading;
@@ -23,7 +24,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Panoramas: OpenEXR or Radiance HDR.
+    /// Panoramas: OpenEXR or Radiance HDR; `-` for one on standard input.
     maps: Vec<PathBuf>,
 }
 
@@ -31,7 +32,8 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let mut maps = Vec::new();
     for path in &arguments.maps {
-        maps.push((name(path), read_panorama(path, cases::SHAPE)?));
+        let panorama = Input::panorama(path, "report-speed")?;
+        maps.push((name(path), read_panorama(&panorama, cases::SHAPE)?));
     }
     if maps.is_empty() {
         maps.push(("a made-up map".to_owned(), cases::made_up_map()));

@@ -1,13 +1,16 @@
+mod serving;
+mod systemd;
+
+use super::input::ConfigurationArguments;
 use super::progress::Progress;
-use super::serving::Serving;
 use super::signals::SignalWatch;
-use super::systemd::Watchdog;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::net::{Board, Server};
 use crate::rt::{Shutdown, StoppableWriter};
 use crate::service::{Ends, Output, Pictures, RecordOptions, Service, Summary};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use serving::Serving;
 use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -15,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
+use systemd::Watchdog;
 
 /// How often the progress moves: quick enough to look alive, far slower than frames.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
@@ -36,14 +40,13 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 /// clients stay connected (those of a server whose section [server] has changed connect again). Lists then are written only to --output.
 ///
 /// Examples:
-///   lightcast run --config config/replay.toml | jq .error
-///   lightcast run --config config/stream.toml --listen 127.0.0.1:7300
+///   lightcast run config/replay.toml | jq .error
+///   lightcast run config/stream.toml --listen 127.0.0.1:7300
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Configuration file (TOML); config/replay.toml and config/camera.toml explain every key.
-    #[arg(long, short, value_name = "FILE")]
-    pub config: PathBuf,
+    #[command(flatten)]
+    pub config: ConfigurationArguments,
 
     /// Write the light lists to this file instead of standard output [default with --listen: nowhere].
     #[arg(long, short, value_name = "FILE")]
@@ -70,7 +73,8 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let config = Config::load(&arguments.config)?;
+    arguments.config.check("run")?;
+    let config = Config::load(arguments.config.path())?;
     let shutdown = Shutdown::new();
     let Some(address) = &arguments.listen else {
         let _signals = SignalWatch::start(&shutdown)?;

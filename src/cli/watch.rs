@@ -1,40 +1,51 @@
-use super::messages::PROGRESS;
+mod lines;
+mod selection;
+mod tally;
+
+use super::input::{Input, display_name, open_lists};
 #[cfg(feature = "render")]
 use super::render;
 use super::signals::SignalWatch;
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
 use crate::net::{Client, ClientOptions, Token};
-use crate::rt::{Metrics, Shutdown, monotonic_ns, utc_from_monotonic_ns};
+use crate::rt::{Metrics, Shutdown};
 use crate::service::Summary;
-use crate::wire::{Message, QUEUE_MAX, Subscription, write_list_line};
+use crate::wire::{QUEUE_MAX, Subscription};
 use clap::ValueEnum;
-use std::fs::File;
-use std::io::{self, ErrorKind, Write};
-use std::path::PathBuf;
+use lightcast_core::light::LightList;
+use lines::Lines;
+use selection::Selection;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use tally::Tally;
 
-/// Show, record or render the lists that a server streams.
+/// Show, record or render lists as they come: from a server, a file or standard input.
 ///
-/// URL is the address of a `run --listen`: ws://HOST:PORT, the address of its page, or HOST:PORT. A connection that
-/// breaks is made again, as often as it takes. Without --json, every second one line says what came: the last sequence
-/// number, lights, error, lists and kilobytes a second, the median and largest age, and the lists that this client was
-/// too slow for. The age is the time since the capture, by the clocks (UTC) of both machines; for a replay as fast as
-/// it goes, since the sending.
+/// INPUT is the address of a `run --listen` (ws://HOST:PORT, the address of its page, or HOST:PORT), a file of light lists
+/// (.jsonl, .json), or `-` for lists on standard input. A connection that breaks is made again, as often as it takes.
+///
+/// Without --json, every second and at the end one line on standard error says what came: the last sequence number,
+/// lights, error, lists a second and, of a server, kilobytes a second, the median and largest age, and the lists that
+/// this client was too slow for. The age is the time since the capture, by the clocks (UTC) of both machines; for a replay
+/// as fast as it goes, since the sending.
 ///
 /// --json writes every list as one line, the very bytes that the server's own `run --output` writes where lists come as
 /// JSON and nothing is joined; `--format binary` needs a tenth of the bytes and rounds. --record writes these lines to a
-/// file. Both let lists wait at the server (--queue) so that none is lost over a hiccup.
+/// file. Both let lists wait at the server (--queue) so that none is lost over a hiccup. A file is read as fast as it goes.
 ///
 /// Examples:
 ///   lightcast watch ws://studio:7300
 ///   lightcast watch studio:7300 --json --lights 16 | jq .power
+///   lightcast watch lights.jsonl --json --lights 16 > few.jsonl
 ///   lightcast watch studio:7300 --lights 72 --render --scene model.glb --ground
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
-    /// Address of the server.
-    url: String,
+    /// Address of a server, a file of light lists, or `-` for standard input.
+    #[arg(value_name = "INPUT")]
+    input: PathBuf,
 
     /// At most so many lights, which the later ones join.
     #[arg(long, value_name = "N")]
@@ -48,11 +59,11 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "ERROR")]
     error: Option<f32>,
 
-    /// Lists that wait at the server when this client is slow [default: 1, with --json and --record 64].
+    /// Lists that wait at a server when this client is slow [default: 1, with --json and --record 64].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(QUEUE_MAX)))]
     queue: Option<u32>,
 
-    /// How lists come [default: binary, with --json and --record json].
+    /// How lists come from a server [default: binary, with --json and --record json].
     #[arg(long, value_enum, value_name = "FORMAT")]
     format: Option<Format>,
 
@@ -86,157 +97,148 @@ enum Format {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let options = client_options(arguments)?;
+    let input = Input::of(&arguments.input)?;
+    let is_server = matches!(input, Input::Server(_));
+    if !is_server {
+        arguments.check_without_server()?;
+    }
     #[cfg(feature = "render")]
     if let Some(rest) = &arguments.render {
-        return render::run_stream(&render::Arguments::of_stream(&arguments.url, rest), options);
+        let subscription = if is_server { Some(client_options(arguments)?) } else { None };
+        return render::run(&render::Arguments::of_watch(arguments.input.as_os_str(), rest, subscription));
     }
+    let why = match &input {
+        Input::Server(_) => return watch_server(arguments),
+        Input::Lists(path) => return watch_lists(arguments, path),
+        Input::Panorama(_) => {
+            "of one panorama no lists come; `lightcast lights` prints its list, and `lightcast render` shows it"
+        }
+        Input::Panoramas(_) => {
+            "its lists have yet to be made; name it in a configuration, section [source], and let `lightcast run` make them"
+        }
+        Input::Configuration(_) => {
+            "its lists have yet to be made; `lightcast run` makes them, and `lightcast render` shows them"
+        }
+    };
+    Err(input.refused("watch", why))
+}
+
+impl Arguments {
+    /// Refuses what only a server can be asked for, and with --render what its own options say.
+    fn check_without_server(&self) -> Result<()> {
+        let refused = |option: &str, why: &str| Err(Error::usage(format!("{option} {why}")));
+        for (option, is_given) in [
+            ("--queue", self.queue.is_some()),
+            ("--format", self.format.is_some()),
+            ("--token-file", self.token_file.is_some()),
+        ] {
+            if is_given {
+                return refused(option, "is for a server, and INPUT is none; leave it out");
+            }
+        }
+        #[cfg(feature = "render")]
+        if self.render.is_some() {
+            for (option, is_given) in [
+                ("--lights", self.lights.is_some()),
+                ("--rate-hz", self.rate_hz.is_some()),
+                ("--error", self.error.is_some()),
+            ] {
+                if is_given {
+                    return refused(
+                        option,
+                        "before --render asks a server, and INPUT is none; `render` has --lights too",
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn watch_server(arguments: &Arguments) -> Result<()> {
+    let options = client_options(arguments)?;
     let shutdown = Shutdown::new();
     let _signals = SignalWatch::start(&shutdown)?;
-    let mut lines = Lines::open(arguments)?;
-    let (metrics, tally) = (Metrics::new("client"), Arc::new(Mutex::new(Tally::default())));
+    let mut lines = Lines::open(arguments.json, arguments.record.as_deref())?;
+    let metrics = Metrics::new("client");
+    let bytes = metrics.counter("bytes received");
+    let tally = Arc::new(Mutex::new(Tally::new(!arguments.json)));
     let (counting, mut left) = (tally.clone(), arguments.count);
     let client = Client::start(options, &metrics, &shutdown, move |message| {
-        counting.lock().unwrap_or_else(PoisonError::into_inner).add(message);
-        let goes_on = lines.write(message)?;
+        counting.lock().unwrap_or_else(PoisonError::into_inner).add_message(message);
+        let goes_on = lines.write(&message.list)?;
         left = left.map(|left| left - 1);
         Ok(goes_on && left != Some(0))
     })?;
-    let mut printed = Instant::now();
-    let outcome = client.join(Duration::from_millis(100), || {
-        let elapsed = printed.elapsed();
-        if !arguments.json && elapsed >= Duration::from_secs(1) {
-            printed += elapsed;
-            let mut tally = tally.lock().unwrap_or_else(PoisonError::into_inner);
-            if print(&tally, metrics.counter("bytes received").get(), elapsed).is_err() {
-                shutdown.request();
-            }
-            tally.start_anew(metrics.counter("bytes received").get());
-        }
-    });
+    let lock = || tally.lock().unwrap_or_else(PoisonError::into_inner);
+    let outcome = client.join(Duration::from_millis(100), || lock().tell_each_second(bytes.get()));
+    lock().tell_rest(bytes.get());
     let _ = write!(io::stderr(), "{}", Summary::of(vec![metrics]));
     outcome
+}
+
+/// Lists that a file or standard input has, as fast as they can be read.
+fn watch_lists(arguments: &Arguments, path: &Path) -> Result<()> {
+    let shutdown = Shutdown::new();
+    let _signals = SignalWatch::start(&shutdown)?;
+    let mut file = open_lists(path, &shutdown)?;
+    let wanted = subscription(arguments, 1).checked().map_err(|error| error.with_kind(Kind::Usage))?;
+    let mut selection = Selection::new(wanted);
+    if arguments.record.as_deref().is_some_and(|record| is_same_file(record, path)) {
+        return Err(
+            Error::usage("--record would overwrite the file that is read; name another").at(path.display())
+        );
+    }
+    let mut lines = Lines::open(arguments.json, arguments.record.as_deref())?;
+    let (mut list, mut tally) = (LightList::default(), Tally::new(!arguments.json));
+    let (mut left, mut is_empty) = (arguments.count.unwrap_or(u64::MAX), true);
+    while left > 0 {
+        match file.read(&mut list) {
+            // A line that is cut by a request to end is no fault.
+            Ok(false) | Err(_) if shutdown.is_requested() => break,
+            Ok(true) => is_empty = false,
+            Ok(false) if is_empty => {
+                return Err(Error::failed("holds no light list").at(display_name(path)));
+            }
+            Ok(false) => break,
+            Err(error) => return Err(error),
+        }
+        if selection.take(&mut list) {
+            tally.add(&list);
+            left -= 1;
+            if !lines.write(&list)? {
+                break;
+            }
+        }
+        tally.tell_each_second(0);
+        if shutdown.is_requested() {
+            break;
+        }
+    }
+    tally.tell_rest(0);
+    Ok(())
+}
+
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
 fn client_options(arguments: &Arguments) -> Result<ClientOptions> {
     let keeps_all = arguments.json || arguments.record.is_some();
     let (queue, format) = if keeps_all { (QUEUE_MAX, Format::Json) } else { (1, Format::Binary) };
-    let mut options = ClientOptions::new(&arguments.url)?;
-    options.subscription = Subscription {
-        lights: arguments.lights,
-        rate_hz: arguments.rate_hz,
-        error: arguments.error,
-        queue: arguments.queue.unwrap_or(queue),
-    };
+    let mut options = ClientOptions::new(&arguments.input.to_string_lossy())?;
+    options.subscription = subscription(arguments, queue);
     options.is_binary = arguments.format.unwrap_or(format) == Format::Binary;
     options.token = arguments.token_file.as_deref().map(Token::load).transpose()?;
     Ok(options)
 }
 
-/// Where lists go as lines of JSON.
-struct Lines {
-    /// To standard output.
-    is_printed: bool,
-    file: Option<(File, PathBuf)>,
-    line: Vec<u8>,
-}
-
-impl Lines {
-    fn open(arguments: &Arguments) -> Result<Self> {
-        let file = arguments
-            .record
-            .as_ref()
-            .map(|path| match File::create(path) {
-                Ok(file) => Ok((file, path.clone())),
-                Err(error) => Err(Error::failed("the file cannot be made").because(error).at(path.display())),
-            })
-            .transpose()?;
-        Ok(Self { is_printed: arguments.json, file, line: Vec::new() })
+/// What is wanted of the lists.
+fn subscription(arguments: &Arguments, queue: u32) -> Subscription {
+    Subscription {
+        lights: arguments.lights,
+        rate_hz: arguments.rate_hz,
+        error: arguments.error,
+        queue: arguments.queue.unwrap_or(queue),
     }
-
-    /// False when nobody reads them any more.
-    fn write(&mut self, message: &Message) -> Result<bool> {
-        if !self.is_printed && self.file.is_none() {
-            return Ok(true);
-        }
-        let place = || format!("list {}", message.list.stamp.sequence);
-        self.line.clear();
-        write_list_line(&message.list, &mut self.line)
-            .map_err(|error| Error::failed("cannot be put into JSON").because(error).at(place()))?;
-        if let Some((file, path)) = &mut self.file {
-            file.write_all(&self.line).map_err(|error| {
-                Error::failed("cannot be written").because(error).at(place()).at(path.display())
-            })?;
-        }
-        if self.is_printed {
-            let mut output = io::stdout().lock();
-            match output.write_all(&self.line).and_then(|()| output.flush()) {
-                Ok(()) => {}
-                Err(error) if error.kind() == ErrorKind::BrokenPipe => return Ok(false),
-                Err(error) => {
-                    return Err(Error::failed("cannot be written").because(error).at(place()));
-                }
-            }
-        }
-        Ok(true)
-    }
-}
-
-/// What came since the last line that was printed.
-#[derive(Default)]
-struct Tally {
-    lists: u64,
-    bytes_before: u64,
-    lost: u64,
-    ages_ns: Vec<i64>,
-    sequence: u64,
-    light_count: usize,
-    error: Option<f32>,
-}
-
-/// Ages that are kept of a second.
-const AGES_MAX: usize = 10_000;
-
-impl Tally {
-    fn add(&mut self, message: &Message) {
-        let Message { list, delivery } = message;
-        self.lists += 1;
-        self.lost += delivery.lost;
-        (self.sequence, self.light_count, self.error) = (list.stamp.sequence, list.lights.len(), list.error);
-        let now_ns = monotonic_ns().saturating_add(utc_from_monotonic_ns());
-        if self.ages_ns.len() < AGES_MAX {
-            self.ages_ns.push(now_ns.saturating_sub(delivery.capture_utc_ns.unwrap_or(delivery.sent_utc_ns)));
-        }
-    }
-
-    fn start_anew(&mut self, bytes: u64) {
-        let mut ages_ns = std::mem::take(&mut self.ages_ns);
-        ages_ns.clear();
-        *self = Self { ages_ns, bytes_before: bytes, ..Self::default() };
-    }
-}
-
-fn print(tally: &Tally, bytes: u64, elapsed: Duration) -> io::Result<()> {
-    let mut output = io::stdout().lock();
-    if tally.lists == 0 {
-        return PROGRESS.suspend(|| writeln!(output, "no list"));
-    }
-    let mut ages_ns = tally.ages_ns.clone();
-    ages_ns.sort_unstable();
-    let ms = |ns: Option<&i64>| ns.map_or(0.0, |ns| *ns as f64 * 1e-6);
-    let seconds = elapsed.as_secs_f64();
-    PROGRESS.suspend(|| {
-        writeln!(
-            output,
-            "sequence {:>8}  {:>5} lights  error {}  {:>6.1} lists/s  {:>8.1} kB/s  age {:>7.1} ms, at most {:>7.1}  {} lost",
-            tally.sequence,
-            tally.light_count,
-            tally.error.map_or("-".to_owned(), |error| format!("{error:.5}")),
-            tally.lists as f64 / seconds,
-            (bytes - tally.bytes_before) as f64 * 1e-3 / seconds,
-            ms(ages_ns.get(ages_ns.len() / 2)),
-            ms(ages_ns.last()),
-            tally.lost,
-        )
-    })
 }

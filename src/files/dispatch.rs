@@ -8,7 +8,7 @@ use super::{jpeg, open_exr, png, radiance};
 use crate::error::{Error, Result};
 use lightcast_core::image::Frame;
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 /// Reads a picture into `frame`, whose buffer is reused when it fits; the stamp is left as it is.
@@ -33,14 +33,26 @@ pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
     guarded(frame, |frame| read_by_kind(path, frame)).map_err(|error| error.at(path))
 }
 
+/// [`read`] of a file's bytes, which came another way.
+///
+/// # Errors
+/// Those of [`read`], without a name.
+pub fn decode(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
+    guarded(frame, |frame| decode_by_kind(Cursor::new(bytes), bytes.len() as u64, frame))
+}
+
 fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
-    (frame.bayer, frame.saturation) = (None, f32::INFINITY);
     let open = || -> std::io::Result<(BufReader<File>, u64)> {
         let file = File::open(path)?;
         let bytes = file.metadata()?.len();
         Ok((BufReader::with_capacity(1 << 16, file), bytes))
     };
-    let (mut file, bytes) = open().map_err(|error| Error::bad_frame("cannot be opened").because(error))?;
+    let (file, bytes) = open().map_err(|error| Error::bad_frame("cannot be opened").because(error))?;
+    decode_by_kind(file, bytes, frame)
+}
+
+fn decode_by_kind(mut file: impl BufRead + Seek, bytes: u64, frame: &mut Frame) -> Result<Attributes> {
+    (frame.bayer, frame.saturation) = (None, f32::INFINITY);
     let head = file.fill_buf().map_err(|error| Error::bad_frame("cannot be read").because(error))?;
     match head {
         [] => Err(Error::bad_frame("is empty")),

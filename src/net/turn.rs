@@ -41,7 +41,7 @@ impl Turn {
         let mut due_ns = self.due_ns;
         let had = self.next_number.saturating_sub(oldest.number) as usize;
         for post in posts.range(had.min(posts.len())..) {
-            if let Some(after_ns) = self.due_after(due_ns, post) {
+            if let Some(after_ns) = self.subscription.due_after(due_ns, &post.list.stamp) {
                 due_ns = after_ns;
                 due_count += 1;
                 let found = (post, after_ns);
@@ -72,30 +72,6 @@ impl Turn {
             Some(rate_hz) if rate_hz < frame_rate_hz => (unseen as f64 * rate_hz / frame_rate_hz) as u64,
             _ => unseen,
         }
-    }
-
-    /// Whether `post` is due, and then when the next one is.
-    fn due_after(&self, due_ns: Option<i64>, post: &Post) -> Option<Option<i64>> {
-        let Some(rate_hz) = self.subscription.rate_hz else { return Some(None) };
-        let period_ns = (1e9 / rate_hz) as i64;
-        let stamp = &post.list.stamp;
-        let time_ns = stamp.capture_time_ns;
-        let next_ns = match due_ns {
-            Some(due_ns) => {
-                // Frames come a little early or late; half a frame's time decides between two.
-                let rate_hz = stamp.frame_rate_hz;
-                let half_frame_ns = if rate_hz > 0.0 { (5e8 / rate_hz) as i64 } else { 0 };
-                let until_ns = due_ns.saturating_sub(time_ns);
-                // Times that ran back, by a clock that was set or a source that began anew, are not waited
-                // for.
-                if until_ns > half_frame_ns.min(period_ns / 2) && until_ns <= period_ns.saturating_mul(2) {
-                    return None;
-                }
-                if until_ns.saturating_abs() > period_ns { time_ns } else { due_ns }
-            }
-            None => time_ns,
-        };
-        Some(Some(next_ns.saturating_add(period_ns)))
     }
 }
 

@@ -5,15 +5,15 @@ use super::list::read_list;
 use crate::error::{Error, Place, Result};
 use lightcast_core::light::LightList;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The longest line that is read: no list is longer.
 const LINE_MAX_BYTES: u64 = MESSAGE_MAX_BYTES as u64;
 
 /// Light lists from a file of JSON lines, as [`write_list_line`](super::write_list_line) writes them.
 pub struct ListFile {
-    path: PathBuf,
-    reader: BufReader<std::fs::File>,
+    name: String,
+    reader: Box<dyn BufRead + Send>,
     line_number: u64,
     line: Vec<u8>,
 }
@@ -24,7 +24,13 @@ impl ListFile {
     pub fn open(path: &Path) -> Result<Self> {
         let file = std::fs::File::open(path)
             .map_err(|error| Error::failed("cannot be opened").because(error).at(path))?;
-        Ok(Self { path: path.to_owned(), reader: BufReader::new(file), line_number: 0, line: Vec::new() })
+        Ok(Self::new(&path.display().to_string(), file))
+    }
+
+    /// Lists from a `reader`, which messages call `name`.
+    pub fn new(name: &str, reader: impl Read + Send + 'static) -> Self {
+        let reader = Box::new(BufReader::new(reader));
+        Self { name: name.to_owned(), reader, line_number: 0, line: Vec::new() }
     }
 
     /// Reads the next list into `list`; false at the end of the file. Empty lines are passed over.
@@ -37,7 +43,7 @@ impl ListFile {
             let mut limited = self.reader.by_ref().take(LINE_MAX_BYTES + 1);
             let length = limited
                 .read_until(b'\n', &mut self.line)
-                .map_err(|error| Error::failed("cannot be read").because(error).at(&self.path))?;
+                .map_err(|error| Error::failed("cannot be read").because(error).at(&self.name))?;
             if length == 0 {
                 return Ok(false);
             }
@@ -52,7 +58,7 @@ impl ListFile {
             };
             return parsed
                 .map(|()| true)
-                .map_err(|error| error.at(Place::line(self.line_number)).at(&self.path));
+                .map_err(|error| error.at(Place::line(self.line_number)).at(&self.name));
         }
     }
 }

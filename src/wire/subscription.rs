@@ -1,5 +1,6 @@
 use super::DEMAND_MAX_BYTES;
 use crate::error::{Error, Result};
+use lightcast_core::image::Stamp;
 use lightcast_core::light::{LightList, MAX_LIGHTS};
 use serde::{Deserialize, Serialize};
 
@@ -61,7 +62,9 @@ impl Subscription {
         subscription.checked()
     }
 
-    fn checked(self) -> Result<Self> {
+    /// # Errors
+    /// Names the key whose value has no meaning, and what to give.
+    pub fn checked(self) -> Result<Self> {
         let fault = if self.lights.is_some_and(|lights| !(1..=MAX_LIGHTS as u32).contains(&lights)) {
             format!("lights: give 1 to {MAX_LIGHTS}")
         } else if self.rate_hz.is_some_and(|rate| !(LEAST_RATE_HZ..=1e6).contains(&rate)) {
@@ -85,6 +88,29 @@ impl Subscription {
             .iter()
             .find(|&&(_, error)| error < wanted)
             .map_or(most, |&(count, _)| most.min(count as usize))
+    }
+
+    /// Whether a list of this `stamp` is due where the next one is at `due_ns` (`None`: the first), and then when the next
+    /// one is.
+    pub fn due_after(&self, due_ns: Option<i64>, stamp: &Stamp) -> Option<Option<i64>> {
+        let Some(rate_hz) = self.rate_hz else { return Some(None) };
+        let period_ns = (1e9 / rate_hz) as i64;
+        let time_ns = stamp.capture_time_ns;
+        let next_ns = match due_ns {
+            Some(due_ns) => {
+                // Frames come a little early or late; half a frame's time decides between two.
+                let rate_hz = stamp.frame_rate_hz;
+                let half_frame_ns = if rate_hz > 0.0 { (5e8 / rate_hz) as i64 } else { 0 };
+                let until_ns = due_ns.saturating_sub(time_ns);
+                // Times that ran back, by a clock that was set or a source that began anew, are not waited for.
+                if until_ns > half_frame_ns.min(period_ns / 2) && until_ns <= period_ns.saturating_mul(2) {
+                    return None;
+                }
+                if until_ns.saturating_abs() > period_ns { time_ns } else { due_ns }
+            }
+            None => time_ns,
+        };
+        Some(Some(next_ns.saturating_add(period_ns)))
     }
 }
 

@@ -1,5 +1,6 @@
 use crate::recording::{lightcast, lists, panorama, stderr};
-use lightcast::files::write_exr;
+use lightcast::files::{self, write_exr};
+use lightcast_core::image::{Frame, Pixels};
 use std::path::Path;
 use std::process::Output;
 
@@ -14,13 +15,13 @@ fn lights_prints_one_list_of_the_whole_map() {
     write_exr(&map, &panorama(64, 32, 1), None, false).unwrap();
     for (options, count) in [
         (&[][..], 64),
-        (&["--count", "17", "--sampler", "equal-power"], 17),
+        (&["--lights", "17", "--sampler", "equal-power"], 17),
         (&["--inversion", "standard", "--hemisphere"], 64),
         (&["--inversion", "normalised-rows", "--hemisphere"], 64),
-        (&["--sampler", "median-cut", "--count", "48"], 48),
+        (&["--sampler", "median-cut", "--lights", "48"], 48),
         (&["--sampler", "variance-minimisation"], 64),
         (&["--sampler", "structured"], 64),
-        (&["--sampler", "kollig-keller", "--count", "100"], 100),
+        (&["--sampler", "kollig-keller", "--lights", "100"], 100),
         (&["--resolution", "90x45"], 64),
         (&["--resolution", "90x22", "--hemisphere", "--sampler", "refined"], 64),
     ] {
@@ -46,6 +47,27 @@ fn lights_prints_one_list_of_the_whole_map() {
 }
 
 #[test]
+fn a_list_goes_to_a_file_and_its_lights_onto_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let map = folder.path().join("sky.exr");
+    write_exr(&map, &panorama(64, 32, 1), None, false).unwrap();
+    let printed = lights(&map, &[]);
+    let written = lights(&map, &["--output", &at("list.jsonl"), "--picture", &at("map.png")]);
+    assert!(written.status.success() && written.stdout.is_empty(), "{}", stderr(&written));
+    assert_eq!(std::fs::read(at("list.jsonl")).unwrap(), printed.stdout);
+    let mut picture = Frame::default();
+    files::read(at("map.png").as_ref(), &mut picture).unwrap();
+    assert_eq!((picture.width, picture.height, picture.channels), (720, 360, 3));
+    let Pixels::Codes(codes) = picture.pixels else { panic!("radiance") };
+    let is_green = |pixel: &[u16]| pixel[1] > 200 && pixel[0] < 100 && pixel[2] < 120;
+    assert!(codes.chunks(3).filter(|pixel| is_green(pixel)).count() > 100, "rings are green");
+    let other = lights(&map, &["--picture", &at("map.jpg")]);
+    assert_eq!(other.status.code(), Some(2));
+    assert!(stderr(&other).contains("map.jpg: --picture draws a PNG file"), "{}", stderr(&other));
+}
+
+#[test]
 fn lights_tells_what_is_wrong_and_where() {
     let folder = tempfile::tempdir().unwrap();
     let map = folder.path().join("sky.exr");
@@ -54,7 +76,7 @@ fn lights_tells_what_is_wrong_and_where() {
     assert!(stderr(&output).contains("sky.exr"), "{}", stderr(&output));
     write_exr(&map, &panorama(64, 32, 1), None, false).unwrap();
     for options in [
-        ["--count", "0"],
+        ["--lights", "0"],
         ["--resolution", "360"],
         ["--resolution", "0x9"],
         ["--resolution", "99999999999x99999999999"],

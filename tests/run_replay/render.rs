@@ -42,11 +42,19 @@ fn a_panorama_its_list_and_its_reference_look_alike() {
     assert!(run.status.success(), "{}", stderr(&run));
     let run = render(&at("sky.exr"), &at("map.png"), &map_options).unwrap();
     assert!(run.status.success(), "{}", stderr(&run));
+    let run = render(&at("sky.exr"), &at("frames"), &map_options).unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+    let picture = |path: &str| fs::read(at(path)).unwrap();
+    assert_eq!(
+        picture("frames/frame_00000.png"),
+        picture("map.png"),
+        "a folder gets the one picture there is"
+    );
     let reference = [&map_options[..], &["--reference"]].concat();
     let run = render(&at("sky.exr"), &at("reference.exr"), &reference).unwrap();
     assert!(run.status.success(), "{}", stderr(&run));
     let mut lights = lightcast();
-    lights.arg("lights").arg(at("sky.exr")).args(map_options).args(["--count", "1152"]);
+    lights.arg("lights").arg(at("sky.exr")).args(map_options).args(["--lights", "1152"]);
     fs::write(at("sky.jsonl"), lights.output().unwrap().stdout).unwrap();
     let run = render(&at("sky.jsonl"), &at("list.exr"), &[]).unwrap();
     assert!(run.status.success(), "{}", stderr(&run));
@@ -73,6 +81,13 @@ fn a_sequence_gives_numbered_pictures_and_the_same_each_time() {
     let names = names(&first);
     assert_eq!(names, ["frame_00004.png", "frame_00008.png"], "those of which `run --pictures` draws maps");
     assert!(render(&recording.configuration(), &second, &["--every", "4"]).unwrap().status.success());
+    let single = recording.path().join("first.png");
+    assert!(render(&recording.configuration(), &single, &[]).unwrap().status.success());
+    assert_eq!(
+        fs::read(single).unwrap(),
+        fs::read(first.join("frame_00000.png")).unwrap(),
+        "a file gets the first"
+    );
     for name in names {
         assert_eq!(fs::read(first.join(&name)).unwrap(), fs::read(second.join(&name)).unwrap(), "{name}");
     }
@@ -89,7 +104,7 @@ fn faults_are_told_with_what_to_do() {
     let scene = at("scene.gltf");
     for (input, output, options, code, expected) in [
         ("sky.exr", "a.jpg", &[][..], 2, "names no kind of picture"),
-        ("sky.exr", "folder", &[], 2, "a panorama gives one picture"),
+        ("sky.####.exr", "a.png", &[], 2, "sky.####.exr: is a folder or pattern of numbered panoramas"),
         ("empty.jsonl", "a.png", &[], 1, "empty.jsonl: holds no light list"),
         ("empty.jsonl", "a.png", &["--reference"], 2, "give a panorama"),
         ("sky.exr", "a.png", &["--scene", missing.to_str().unwrap()], 2, "missing.glb"),

@@ -5,7 +5,7 @@ use super::write;
 #[cfg(feature = "april-grid")]
 use crate::calibrate::AprilGrid;
 use crate::calibrate::{Calibration, CornerSet, LensFit, LensFitOptions, LensStart, fit_lens};
-use crate::cli::report::print;
+use crate::cli::standard_output::print;
 use crate::error::{Error, Result};
 use glam::DVec2;
 use lightcast_core::camera::{LensParameters, Response};

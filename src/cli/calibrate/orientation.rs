@@ -1,5 +1,5 @@
 use crate::calibrate::{Calibration, Mark, Orientation, fit_orientation};
-use crate::cli::report::print;
+use crate::cli::standard_output::print;
 use crate::error::{Error, Place, Result, TomlText};
 use glam::DVec3;
 use lightcast_core::camera::LOOKING_UP;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 ///   [[mark]]
 ///   pixel = [216.2, 149.6]   # column and row; the first pixel's centre is (0.5, 0.5)
 ///   azimuth_deg = 259.579    # from +X towards +Z: with +X to the north, a compass bearing
-///   altitude_deg = 28.140    # above the horizon
+///   elevation_deg = 28.140   # above the horizon
 ///
 /// Two marks that lie well apart give the whole rotation; more make it better. One mark is enough for a camera that
 /// looks straight up: it is turned about the vertical, then tilted by what is left. The result is the key
@@ -48,7 +48,9 @@ struct MarksFile {
 struct MarkKeys {
     pixel: [f64; 2],
     azimuth_deg: f64,
-    altitude_deg: f64,
+    /// Earlier files call it altitude.
+    #[serde(alias = "altitude_deg")]
+    elevation_deg: f64,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
@@ -66,9 +68,10 @@ fn read_marks(path: &Path) -> Result<Vec<Mark>> {
     let text = TomlText::load(path)?;
     let file: MarksFile = text.parse()?;
     let mark = |(index, keys): (usize, MarkKeys)| {
-        let MarkKeys { pixel, azimuth_deg, altitude_deg } = keys;
+        let MarkKeys { pixel, azimuth_deg, elevation_deg } = keys;
         // NaN lies in no range.
-        for (key, value, reach) in [("azimuth_deg", azimuth_deg, 360.0), ("altitude_deg", altitude_deg, 90.0)]
+        for (key, value, reach) in
+            [("azimuth_deg", azimuth_deg, 360.0), ("elevation_deg", elevation_deg, 90.0)]
         {
             if !(-reach..=reach).contains(&value) {
                 let fault = Error::usage(format!("must lie between {} and {reach}", -reach))
@@ -76,7 +79,7 @@ fn read_marks(path: &Path) -> Result<Vec<Mark>> {
                 return Err(text.locate("", fault));
             }
         }
-        let direction_world = direction((90.0 - altitude_deg).to_radians(), azimuth_deg.to_radians());
+        let direction_world = direction((90.0 - elevation_deg).to_radians(), azimuth_deg.to_radians());
         Ok(Mark { pixel: pixel.into(), direction_world })
     };
     file.mark.into_iter().enumerate().map(mark).collect()
@@ -112,9 +115,9 @@ mod tests {
     }
 
     #[test]
-    fn azimuth_and_altitude_are_directions() {
+    fn azimuth_and_elevation_are_directions() {
         let marks = written(
-            "[[mark]]\npixel = [1, 2.5]\nazimuth_deg = 90\naltitude_deg = 0\n\
+            "[[mark]]\npixel = [1, 2.5]\nazimuth_deg = 90\nelevation_deg = 0\n\
              [[mark]]\npixel = [3, 4]\nazimuth_deg = -20\naltitude_deg = 90\n",
         )
         .unwrap();
@@ -127,9 +130,11 @@ mod tests {
     fn faults_are_told_with_line_and_key() {
         let good = "[[mark]]\npixel = [1, 2]\nazimuth_deg = 10\n";
         for (line, words) in [
-            ("altitude_deg = 91", "line 4: mark[0].altitude_deg = 91: must lie between -90 and 90"),
-            ("altitude_deg = nan", "line 4: mark[0].altitude_deg = NaN"),
-            ("elevation_deg = 3", "line 4 (`elevation_deg = 3`): unknown field"),
+            ("elevation_deg = 91", "line 4: mark[0].elevation_deg = 91: must lie between -90 and 90"),
+            ("elevation_deg = nan", "line 4: mark[0].elevation_deg = NaN"),
+            ("altitude_deg = 91", "mark[0].elevation_deg = 91"),
+            ("height_deg = 3", "line 4 (`height_deg = 3`): unknown field"),
+            ("elevation_deg = 3\naltitude_deg = 3", "duplicate field `elevation_deg`"),
         ] {
             let message = written(&format!("{good}{line}\n")).unwrap_err().to_string();
             assert!(message.contains(words), "{words}: {message}");

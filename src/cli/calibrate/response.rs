@@ -3,8 +3,9 @@ mod from_patches;
 
 use super::write;
 use crate::calibrate::{Calibration, CodeLimits, Family};
-use crate::cli::report::print;
+use crate::cli::input::{Input, is_standard_input};
 use crate::cli::signals::SignalWatch;
+use crate::cli::standard_output::print;
 use crate::config::Config;
 use crate::error::{Error, Kind, Result};
 use crate::files;
@@ -48,8 +49,12 @@ use std::path::{Path, PathBuf};
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
     /// Pictures, folders, patterns, or the configuration of a camera.
-    #[arg(required = true, value_name = "PICTURES")]
+    #[arg(required_unless_present = "config", value_name = "PICTURES")]
     pictures: Vec<PathBuf>,
+
+    /// The configuration of a camera as PICTURES, whatever it is called.
+    #[arg(long, value_name = "FILE", conflicts_with = "pictures")]
+    config: Option<PathBuf>,
 
     /// Grey patches: rectangles and luminances (TOML).
     #[arg(long, value_name = "FILE", conflicts_with_all = ["exposures", "merge"])]
@@ -128,11 +133,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         Some(path) => Some(Calibration::load(path, None)?),
         None => None,
     };
-    let inputs = arguments
-        .pictures
-        .iter()
-        .map(|path| Input::find(path, arguments.live_frames))
-        .collect::<Result<Vec<_>>>()?;
+    let inputs = match &arguments.config {
+        Some(path) => vec![Taken::live(path, arguments.live_frames)?],
+        None => {
+            let find = |path: &PathBuf| Taken::find(path, arguments.live_frames);
+            arguments.pictures.iter().map(find).collect::<Result<_>>()?
+        }
+    };
     let found = match &arguments.patches {
         Some(path) => from_patches::find(arguments, &inputs, path)?,
         None => {
@@ -164,7 +171,7 @@ impl Arguments {
 }
 
 /// One of the PICTURES, and the frames that it stands for.
-struct Input {
+struct Taken {
     path: PathBuf,
     frames: Frames,
 }
@@ -175,11 +182,24 @@ enum Frames {
     Live(Box<Config>, u64),
 }
 
-impl Input {
+impl Taken {
+    fn live(path: &Path, live_frames: u64) -> Result<Self> {
+        let frames = Frames::Live(Box::new(Config::load(path)?), live_frames);
+        Ok(Self { path: path.to_owned(), frames })
+    }
+
     fn find(path: &Path, live_frames: u64) -> Result<Self> {
-        let frames = if path.extension().is_some_and(|extension| extension == "toml") {
-            Frames::Live(Box::new(Config::load(path)?), live_frames)
-        } else if path.is_file() {
+        let input = Input::of(path)?;
+        match &input {
+            Input::Configuration(path) => return Self::live(path, live_frames),
+            Input::Panorama(path) | Input::Panoramas(path) if !is_standard_input(path) => {}
+            _ => {
+                return Err(
+                    input.refused("calibrate response", "name picture files, which can be read twice")
+                );
+            }
+        }
+        let frames = if path.is_file() {
             Frames::Files(vec![path.to_owned()])
         } else {
             // The rate is of no importance here.

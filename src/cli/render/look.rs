@@ -1,5 +1,6 @@
 //! What a picture is lit by, what of the scene is in it, and how it looks.
 
+use crate::cli::input::is_standard_input;
 use crate::cli::panorama::read_panorama;
 use crate::error::{Error, Result};
 use crate::files;
@@ -109,6 +110,11 @@ impl Look {
                 let path = panorama.ok_or_else(|| {
                     Error::usage("--background panorama shows the panorama that is the input; give one")
                 })?;
+                if is_standard_input(path) {
+                    return Err(Error::usage(
+                        "--background panorama reads the panorama again; give a file, not `-`",
+                    ));
+                }
                 Background::Panorama(read_panorama(path, own_shape(path)?)?)
             }
         };

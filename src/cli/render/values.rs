@@ -5,29 +5,6 @@ use glam::Vec3;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// What INPUT is, by its name: panoramas come under many names, lists and configurations under few.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Input {
-    Panorama,
-    Lists,
-    Configuration,
-    Server,
-}
-
-impl Input {
-    pub(super) fn of(path: &Path) -> Self {
-        if ["ws://", "http://"].iter().any(|scheme| path.to_str().is_some_and(|url| url.starts_with(scheme)))
-        {
-            return Self::Server;
-        }
-        match path.extension().and_then(OsStr::to_str) {
-            Some("toml") => Self::Configuration,
-            Some("jsonl" | "json") => Self::Lists,
-            _ => Self::Panorama,
-        }
-    }
-}
-
 /// Where the pictures go.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Target {
@@ -47,11 +24,6 @@ impl Target {
                 Err(Error::usage("names no kind of picture; give .png, .exr or a folder").at(path.display()))
             }
         }
-    }
-
-    pub(super) fn name(&self) -> std::path::Display<'_> {
-        let (Self::File { path, .. } | Self::Folder(path)) = self;
-        path.display()
     }
 }
 
@@ -80,11 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inputs_and_outputs_are_told_by_their_names() {
-        assert_eq!(Input::of(Path::new("a/b.toml")), Input::Configuration);
-        assert_eq!(Input::of(Path::new("b.jsonl")), Input::Lists);
-        assert_eq!(Input::of(Path::new("b.hdr")), Input::Panorama);
-        assert_eq!(Input::of(Path::new("ws://a:1/b.json")), Input::Server);
+    fn outputs_are_told_by_their_names() {
         assert_eq!(
             Target::of(Path::new("b.png")).unwrap(),
             Target::File { path: "b.png".into(), is_exr: false }

@@ -28,6 +28,10 @@ pub(super) fn of_sequence(arguments: &Arguments, moving: &Moving) -> String {
             if let Some(rate_hz) = arguments.frame_rate.filter(|_| !recorded.is_configured()) {
                 command += &format!(" --frame-rate {rate_hz}");
             }
+            if recorded.is_configured() {
+                // Of a file of any name.
+                command += " --config";
+            }
             with_inputs(command, std::iter::once(recorded.path()))
         }
     }

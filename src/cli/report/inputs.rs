@@ -2,7 +2,8 @@
 //! panoramas read, before anything is measured.
 
 use super::Arguments;
-use super::sequences::{Recorded, is_configuration};
+use super::sequences::Recorded;
+use crate::cli::input::{Input, display_name, is_standard_input};
 use crate::cli::panorama::read_panorama_as;
 use crate::compare::still_methods;
 use crate::error::{Error, Result};
@@ -64,14 +65,38 @@ pub(super) struct Kinds {
     pub built_in: bool,
 }
 
+/// What a command line names, one by one.
+///
+/// # Errors
+/// Kind `Usage` for what has no map.
+pub(super) fn named(arguments: &Arguments) -> Result<Vec<Input>> {
+    let configurations = arguments.config.iter().map(|path| Ok(Input::Configuration(path.clone())));
+    let inputs: Vec<Input> =
+        arguments.inputs.iter().map(|path| Input::of(path)).chain(configurations).collect::<Result<_>>()?;
+    for input in &inputs {
+        let why = match input {
+            Input::Panorama(_) | Input::Panoramas(_) | Input::Configuration(_) => continue,
+            Input::Lists(_) => {
+                "they have no map to measure lights against; name the panorama or the configuration that they were made of"
+            }
+            Input::Server(_) => {
+                "its lights come without a map to measure them against; name the configuration that the server runs, or a \
+                 recording (`lightcast run --record`)"
+            }
+        };
+        return Err(input.refused("report", why));
+    }
+    Ok(inputs)
+}
+
 impl Kinds {
-    pub fn of(arguments: &Arguments) -> Self {
-        let any = |is_kind: fn(&Path) -> bool| arguments.inputs.iter().any(|path| is_kind(path));
+    pub fn of(arguments: &Arguments, inputs: &[Input]) -> Self {
+        let any = |is_kind: fn(&Input) -> bool| inputs.iter().any(is_kind);
         Self {
-            maps: any(|path| !is_sequence(path)),
-            configurations: any(is_configuration),
-            panoramas: any(|path| is_sequence(path) && !is_configuration(path)),
-            built_in: arguments.inputs.is_empty() && arguments.garden.is_none(),
+            maps: any(|input| matches!(input, Input::Panorama(_))),
+            configurations: any(|input| matches!(input, Input::Configuration(_))),
+            panoramas: any(|input| matches!(input, Input::Panoramas(_))),
+            built_in: inputs.is_empty() && arguments.garden.is_none(),
         }
     }
 }
@@ -80,7 +105,8 @@ impl Inputs {
     /// Opens everything; `telling` is called with the name of what is read next. `None` when `shutdown` is requested.
     pub fn open(arguments: &Arguments, shutdown: &Shutdown, telling: impl Fn(&str)) -> Result<Option<Self>> {
         let mut inputs = Self { maps: Vec::new(), sequences: Vec::new() };
-        if Kinds::of(arguments).built_in {
+        let named = named(arguments)?;
+        if Kinds::of(arguments, &named).built_in {
             for built_in in built_in::SEQUENCES {
                 check_length(built_in.length()?, arguments).map_err(|error| error.at(built_in.name))?;
             }
@@ -95,16 +121,21 @@ impl Inputs {
             return Ok(Some(inputs));
         }
         // Sequences first: to open one takes a picture, not all.
-        for path in arguments.inputs.iter().filter(|path| is_sequence(path)) {
-            let recorded = Recorded::open(path, arguments.frame_rate)?;
-            check_length(recorded.length(), arguments).map_err(|error| error.at(path.display()))?;
+        for input in &named {
+            let recorded = match input {
+                Input::Configuration(path) => Recorded::configured(path)?,
+                Input::Panoramas(path) => Recorded::panoramas(path, arguments.frame_rate)?,
+                _ => continue,
+            };
+            check_length(recorded.length(), arguments).map_err(|error| error.at(input.name()))?;
             inputs.sequences.push(Moving::Recorded(recorded));
             if shutdown.is_requested() {
                 return Ok(None);
             }
         }
-        for path in arguments.inputs.iter().filter(|path| !is_sequence(path)) {
-            telling(&path.display().to_string());
+        for input in &named {
+            let Input::Panorama(path) = input else { continue };
+            telling(&input.name());
             inputs.maps.push(Map::read(path)?);
             if shutdown.is_requested() {
                 return Ok(None);
@@ -146,15 +177,12 @@ fn check_length((frames, frame_rate_hz): (usize, f64), arguments: &Arguments) ->
     Ok(())
 }
 
-/// A folder, a pattern (`name.####.exr`, `name.%04d.exr`) or a configuration.
-fn is_sequence(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.is_dir() || is_configuration(path) || (!path.is_file() && (name.contains('#') || name.contains('%')))
-}
-
 impl Map {
     fn read(path: &Path) -> Result<Self> {
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let name = match path.file_name() {
+            Some(name) if !is_standard_input(path) => name.to_string_lossy().into_owned(),
+            _ => display_name(path),
+        };
         Ok(Self { name, path: Some(path.to_owned()), maps: read_panorama_as(path, SHAPES)? })
     }
 
@@ -222,20 +250,17 @@ mod tests {
     }
 
     #[test]
-    fn folders_patterns_and_configurations_are_sequences() {
-        let folder = tempfile::tempdir().unwrap();
-        let odd = folder.path().join("map#1.hdr");
-        std::fs::write(&odd, "").unwrap();
-        assert!(is_sequence(folder.path()));
-        for name in ["config/replay.toml", "frames/sky.####.exr", "sky.%04d.exr"] {
-            assert!(is_sequence(Path::new(name)), "{name}");
+    fn inputs_without_a_map_are_refused_and_a_configuration_may_have_any_name() {
+        let arguments = |words: &[&str]| crate::cli::report::tests::arguments(words);
+        for (word, expected) in [("a.jsonl", "have no map"), ("studio:7300", "come without a map")] {
+            let error = named(&arguments(&["a.hdr", word])).unwrap_err().to_string();
+            assert!(error.starts_with(word) && error.contains(expected), "{error}");
         }
-        for name in ["sky.0001.exr", "garden.hdr", "", "folder#1/garden.hdr"] {
-            assert!(!is_sequence(Path::new(name)), "{name}");
-        }
-        assert!(!is_sequence(&odd), "a file of this very name");
-        let folder = folder.path().join("frames.toml");
-        std::fs::create_dir(&folder).unwrap();
-        assert!(is_sequence(&folder) && !is_configuration(&folder));
+        let inputs = named(&arguments(&["a.hdr", "--config", "my.conf", "b.toml"])).unwrap();
+        let configuration = |name: &str| Input::Configuration(name.into());
+        assert_eq!(
+            inputs,
+            [Input::Panorama("a.hdr".into()), configuration("b.toml"), configuration("my.conf")]
+        );
     }
 }

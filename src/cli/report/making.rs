@@ -3,7 +3,7 @@
 use super::command::{command_line, of_maps, of_sequence};
 use super::inputs::{Inputs, Made, Map, Moving};
 #[cfg(feature = "render")]
-use super::pictures::Drawing;
+use super::pictures::{Drawing, with_pictures};
 use super::{Arguments, print};
 use crate::cli::messages::PROGRESS;
 use crate::cli::progress::Progress;
@@ -20,10 +20,10 @@ use std::path::Path;
 
 /// A report that is being made.
 pub(super) struct Report<'a> {
-    pub arguments: &'a Arguments,
-    pub shutdown: &'a Shutdown,
-    pub progress: Progress,
-    pub document: Document,
+    arguments: &'a Arguments,
+    shutdown: &'a Shutdown,
+    progress: Progress,
+    document: Document,
     /// What draws pictures, where there are to be any.
     #[cfg(feature = "render")]
     drawing: Option<Drawing>,
@@ -60,7 +60,8 @@ impl<'a> Report<'a> {
             + inputs.sequences.len() * SequenceMethod::ALL.len() * counts;
         #[cfg(feature = "render")]
         let rows = {
-            self.drawing = Drawing::open(self, inputs.maps.len()).inspect_err(|_| self.progress.finish())?;
+            self.drawing = Drawing::open(self.arguments, &mut self.document, inputs.maps.len())
+                .inspect_err(|_| self.progress.finish())?;
             rows + self.drawing.as_ref().map_or(0, |drawing| drawing.rows(inputs.maps.len()))
         };
         #[cfg(not(feature = "render"))]
@@ -106,9 +107,30 @@ impl<'a> Report<'a> {
         }
         #[cfg(feature = "render")]
         if let Some(drawing) = self.drawing.take() {
-            return drawing.measure(self, &inputs.maps);
+            return self.pictures(drawing, &inputs.maps);
         }
         Ok(true)
+    }
+
+    /// Draws under every map; whether to go on.
+    #[cfg(feature = "render")]
+    fn pictures(&mut self, mut drawing: Drawing, maps: &[Map]) -> Result<bool> {
+        for (done, map) in (1..).zip(maps) {
+            let origin = self.origin_of_map(map);
+            self.progress.set_message(format!("pictures under {}", origin.name));
+            let (shutdown, progress) = (self.shutdown, &self.progress);
+            let Some(table) = drawing.draw(origin, map, || !shutdown.is_requested(), || progress.inc(1))?
+            else {
+                return Ok(false);
+            };
+            let command = with_pictures(&of_maps(self.arguments, maps[..done].iter()));
+            if !self.add(table.lines(), |document| document.add_pictures(table, command))? {
+                return Ok(false);
+            }
+        }
+        let lines = self.document.picture_means.as_ref().map(Table::lines).unwrap_or_default();
+        self.show(&lines)?;
+        Ok(self.goes_on())
     }
 
     /// The table of a sequence; its rows beside published figures, where it has these, are added to `published`.
@@ -180,12 +202,12 @@ impl<'a> Report<'a> {
         Ok(self.goes_on())
     }
 
-    pub fn origin_of_map(&self, map: &Map) -> Origin {
+    fn origin_of_map(&self, map: &Map) -> Origin {
         Origin { name: map.name.clone(), command: of_maps(self.arguments, std::iter::once(map)) }
     }
 
     /// Shows a table's lines and keeps it; whether to go on.
-    pub fn add(&mut self, lines: Vec<String>, keep: impl FnOnce(&mut Document)) -> Result<bool> {
+    fn add(&mut self, lines: Vec<String>, keep: impl FnOnce(&mut Document)) -> Result<bool> {
         self.show(&lines)?;
         tracing::info!("{}: measured", self.progress.message());
         keep(&mut self.document);
@@ -193,12 +215,12 @@ impl<'a> Report<'a> {
         Ok(self.goes_on())
     }
 
-    pub fn goes_on(&self) -> bool {
+    fn goes_on(&self) -> bool {
         self.is_read && !self.shutdown.is_requested()
     }
 
     /// Prints where tables are asked for.
-    pub fn show(&mut self, lines: &[String]) -> Result<()> {
+    fn show(&mut self, lines: &[String]) -> Result<()> {
         if self.arguments.tables {
             self.is_read = PROGRESS.suspend(|| print(lines))?;
         }

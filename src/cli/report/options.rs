@@ -1,17 +1,18 @@
 //! Which options make sense together, beyond what the parser of arguments can tell.
 
 use super::Arguments;
-use super::inputs::Kinds;
+use super::inputs::{Kinds, named};
 use crate::error::{Error, Result};
 #[cfg(feature = "render")]
 use crate::report::picture_tables::MOST_LIGHTS;
 
 /// Refuses options that would do nothing with these inputs, and inputs that would count twice.
 pub(super) fn check(arguments: &Arguments) -> Result<()> {
-    let kinds = Kinds::of(arguments);
-    for (index, path) in arguments.inputs.iter().enumerate() {
-        if arguments.inputs[..index].contains(path) {
-            return Err(Error::usage("is named twice and would count twice; name it once").at(path.display()));
+    let inputs = named(arguments)?;
+    let kinds = Kinds::of(arguments, &inputs);
+    for (index, input) in inputs.iter().enumerate() {
+        if inputs[..index].contains(input) {
+            return Err(Error::usage("is named twice and would count twice; name it once").at(input.name()));
         }
     }
     if arguments.frame_rate.is_some() && !kinds.panoramas {
@@ -42,7 +43,7 @@ fn pictures(arguments: &Arguments, kinds: Kinds) -> Result<()> {
     }
     if !kinds.maps && !kinds.built_in {
         return Err(Error::usage(
-            "--pictures draws a scene under every MAP, and none is named; name one or leave it out",
+            "--pictures draws a scene under every map, and none is named; name one or leave it out",
         ));
     }
     if arguments.lights.iter().all(|&count| count > MOST_LIGHTS) {
@@ -66,6 +67,7 @@ mod tests {
     fn options_that_would_do_nothing_are_refused() {
         for (words, expected) in [
             (&["a.hdr", "b.hdr", "a.hdr"][..], "a.hdr: is named twice"),
+            (&["a.toml", "--config", "a.toml"], "a.toml: is named twice"),
             (&["a.hdr", "--frame-rate", "25"], "none is named"),
             (&["--frame-rate", "25"], "none is named"),
             (&["a.toml", "--frame-rate", "25"], "frame_rate_hz"),
@@ -75,7 +77,7 @@ mod tests {
                 "--garden and --hall have 40 frames",
             ),
             #[cfg(feature = "render")]
-            (&["sky.#.exr", "--pictures"], "under every MAP"),
+            (&["sky.#.exr", "--pictures"], "under every map"),
             #[cfg(feature = "render")]
             (&["--pictures", "--lights", "1024,513"], "at most 512 lights"),
         ] {

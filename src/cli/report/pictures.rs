@@ -1,12 +1,11 @@
 //! Pictures for a report.
 
 use super::Arguments;
-use super::command::of_maps;
 use super::inputs::Map;
-use super::making::Report;
 use crate::compare::still_methods::METHODS;
 use crate::error::Result;
 use crate::gpu::{Backend, Gpu};
+use crate::report::document::Document;
 use crate::report::frame_time::{heading, is_in_software};
 use crate::report::picture_tables::{self, MOST_LIGHTS, SHAPE, SIZE, of_map, options};
 use crate::report::pictures::Pictures;
@@ -25,8 +24,8 @@ pub(super) struct Drawing {
 
 impl Drawing {
     /// Opens the device, where the arguments and the adapter allow pictures; says in the document why where not.
-    pub fn open(report: &mut Report, map_count: usize) -> Result<Option<Self>> {
-        let Arguments { pictures: is_wanted, tables, .. } = *report.arguments;
+    pub fn open(arguments: &Arguments, document: &mut Document, map_count: usize) -> Result<Option<Self>> {
+        let Arguments { pictures: is_wanted, tables, .. } = *arguments;
         if map_count == 0 || (tables && !is_wanted) {
             return Ok(None);
         }
@@ -34,30 +33,30 @@ impl Drawing {
             Ok(gpu) => gpu,
             Err(error) if is_wanted => return Err(error),
             Err(error) => {
-                report.document.pictures_skipped = Some(format!("{error}."));
+                document.pictures_skipped = Some(format!("{error}."));
                 return Ok(None);
             }
         };
         let adapter = heading(&gpu).swap_remove(0);
         if is_in_software(&gpu) && !is_wanted {
-            report.document.pictures_skipped = Some(format!(
+            document.pictures_skipped = Some(format!(
                 "the only Vulkan adapter is a driver in software, {adapter}, which takes half a minute or more a map. The \
                  same command with --pictures draws them."
             ));
             return Ok(None);
         }
-        let all = &report.document.lights;
+        let all = &document.lights;
         let counts = if *all == tables::COUNTS {
             picture_tables::COUNTS.to_vec()
         } else {
             all.iter().copied().filter(|&count| count <= MOST_LIGHTS).collect()
         };
         if counts.is_empty() {
-            report.document.pictures_skipped =
+            document.pictures_skipped =
                 Some(format!("they have at most {MOST_LIGHTS} lights, and more were asked for."));
             return Ok(None);
         }
-        report.document.machine.adapter = Some(adapter.clone());
+        document.machine.adapter = Some(adapter.clone());
         let most = counts.iter().copied().max().unwrap_or(MOST_LIGHTS);
         let pictures = Pictures::new(gpu, Scene::built_in(), &options(most))?;
         Ok(Some(Self { pictures, adapter, counts }))
@@ -68,40 +67,33 @@ impl Drawing {
         map_count * METHODS.len() * self.counts.len()
     }
 
-    /// Draws under every map; whether to go on.
-    pub fn measure(mut self, report: &mut Report, maps: &[Map]) -> Result<bool> {
-        for (done, map) in (1..).zip(maps) {
-            let Origin { name, command } = report.origin_of_map(map);
-            report.progress.set_message(format!("pictures under {name}"));
-            let origin = Origin { name, command: with_pictures(&command) };
-            let (shutdown, progress) = (report.shutdown, &report.progress);
-            let goes_on = || !shutdown.is_requested();
-            let (pictures, pixels) = (&mut self.pictures, map.for_pictures());
-            let Some(mut table) =
-                of_map(origin, pictures, pixels, &self.counts, goes_on, || progress.inc(1))?
-            else {
-                return Ok(false);
-            };
-            table.notes = format!(
-                "The built-in scene in {} x {} pixels, maps of {} x {}, at most {MOST_LIGHTS} lights; drawn by {}. The time is \
-                 that of the lights, not of the picture.",
-                SIZE[0],
-                SIZE[1],
-                SHAPE.columns(),
-                SHAPE.rows(),
-                self.adapter
-            );
-            let command = with_pictures(&of_maps(report.arguments, maps[..done].iter()));
-            if !report.add(table.lines(), |document| document.add_pictures(table, command))? {
-                return Ok(false);
-            }
-        }
-        let lines = report.document.picture_means.as_ref().map(Table::lines).unwrap_or_default();
-        report.show(&lines)?;
-        Ok(report.goes_on())
+    /// Draws under a map; `None` when `goes_on` says no. `step` is called after every picture.
+    pub fn draw(
+        &mut self,
+        origin: Origin,
+        map: &Map,
+        goes_on: impl Fn() -> bool,
+        step: impl Fn(),
+    ) -> Result<Option<Table>> {
+        let origin = Origin { command: with_pictures(&origin.command), ..origin };
+        let (pictures, pixels) = (&mut self.pictures, map.for_pictures());
+        let Some(mut table) = of_map(origin, pictures, pixels, &self.counts, goes_on, step)? else {
+            return Ok(None);
+        };
+        table.notes = format!(
+            "The built-in scene in {} x {} pixels, maps of {} x {}, at most {MOST_LIGHTS} lights; drawn by {}. The time is \
+             that of the lights, not of the picture.",
+            SIZE[0],
+            SIZE[1],
+            SHAPE.columns(),
+            SHAPE.rows(),
+            self.adapter
+        );
+        Ok(Some(table))
     }
 }
 
-fn with_pictures(command: &str) -> String {
+/// The command that prints tables of pictures, of one that prints those of lights.
+pub(super) fn with_pictures(command: &str) -> String {
     command.replacen("--tables", "--tables --pictures", 1)
 }

@@ -27,24 +27,18 @@ enum Frames {
     Configured(Box<Config>),
 }
 
-/// Whether a path names a configuration, not a folder or a pattern of panoramas.
-pub(super) fn is_configuration(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "toml") && !path.is_dir()
-}
-
 impl Recorded {
-    /// Opens a folder, a pattern or a configuration and checks all that its first picture can tell. `frame_rate_hz` goes
-    /// before what files of panoramas say.
-    pub fn open(path: &Path, frame_rate_hz: Option<f64>) -> Result<Self> {
-        let (source, length) = if is_configuration(path) {
-            let (config, length) = configuration(path)?;
-            (Frames::Configured(Box::new(config)), length)
-        } else {
-            let sequence = panoramas(path, frame_rate_hz)?;
-            let length = length(&sequence);
-            (Frames::Panoramas(sequence), length)
-        };
-        Ok(Self { path: path.to_owned(), source, length })
+    /// Opens a configuration and checks all that its first picture can tell.
+    pub fn configured(path: &Path) -> Result<Self> {
+        let (config, length) = configuration(path)?;
+        Ok(Self { path: path.to_owned(), source: Frames::Configured(Box::new(config)), length })
+    }
+
+    /// Opens a folder or a pattern of panoramas. `frame_rate_hz` goes before what the files say.
+    pub fn panoramas(path: &Path, frame_rate_hz: Option<f64>) -> Result<Self> {
+        let sequence = panoramas(path, frame_rate_hz)?;
+        let length = length(&sequence);
+        Ok(Self { path: path.to_owned(), source: Frames::Panoramas(sequence), length })
     }
 
     pub fn path(&self) -> &Path {
@@ -94,7 +88,7 @@ fn configuration(path: &Path) -> Result<(Config, (usize, f64))> {
     Ok((config, length))
 }
 
-/// Runs the service that `run --config` would, as fast as it goes, and keeps its maps.
+/// Runs the service that `run` would, as fast as it goes, and keeps its maps.
 fn run(config: &Config, limit: usize, shutdown: &Shutdown) -> Result<Vec<PolarMap>> {
     let own = Shutdown::new();
     let (sender, mut receiver) = link::bounded(2, &own, || PolarMap::black(SHAPE));
@@ -180,7 +174,7 @@ mod tests {
         std::fs::write(folder.path().join("sky.0003.exr"), "nothing").unwrap();
         let shutdown = Shutdown::new();
         let read = |rate_hz, limit| {
-            let mut recorded = Recorded::open(folder.path(), rate_hz).unwrap();
+            let mut recorded = Recorded::panoramas(folder.path(), rate_hz).unwrap();
             (recorded.length(), recorded.read(limit, &shutdown).unwrap())
         };
         let (length, maps) = read(None, 100);
@@ -198,7 +192,7 @@ mod tests {
     #[test]
     fn a_configuration_gives_the_maps_that_run_would_see() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/replay.toml");
-        let mut recorded = Recorded::open(&path, None).unwrap();
+        let mut recorded = Recorded::configured(&path).unwrap();
         assert!(recorded.is_configured() && recorded.length().0 >= 100);
         let maps = recorded.read(12, &Shutdown::new()).unwrap();
         assert_eq!(maps.len(), 12);
@@ -209,14 +203,14 @@ mod tests {
     #[test]
     fn raw_codes_and_unknown_rates_are_refused_with_a_way_out() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/day");
-        let error = Recorded::open(&folder, Some(25.0)).err().unwrap();
+        let error = Recorded::panoramas(&folder, Some(25.0)).err().unwrap();
         assert!(error.kind() == Kind::Usage && error.to_string().contains("configuration"), "{error}");
         let folder = tempfile::tempdir().unwrap();
         for number in 1..=2 {
             write_exr(&folder.path().join(format!("a.{number}.exr")), &panorama(number), None, false)
                 .unwrap();
         }
-        let error = |path: &Path| Recorded::open(path, None).err().unwrap().to_string();
+        let error = |path: &Path| Recorded::panoramas(path, None).err().unwrap().to_string();
         assert!(error(folder.path()).contains("--frame-rate"), "{}", error(folder.path()));
         let nothing = error(&folder.path().join("b.###.exr"));
         assert!(nothing.contains("b.###.exr") && !nothing.contains("--frame-rate"), "{nothing}");

@@ -52,6 +52,7 @@ pub struct Waypoint {
     /// From +X towards +Z, degrees.
     pub azimuth_deg: f64,
     /// Above the horizon, degrees.
+    #[serde(alias = "altitude_deg")]
     pub elevation_deg: f64,
 }
 

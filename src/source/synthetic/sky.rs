@@ -90,6 +90,7 @@ pub struct FarLamp {
     /// From +X towards +Z.
     pub azimuth_deg: f64,
     /// Above the horizon.
+    #[serde(alias = "altitude_deg")]
     pub elevation_deg: f64,
     /// Angular radius.
     pub radius_deg: f64,

@@ -1,4 +1,4 @@
-use super::{Arguments, Found, Input, curve, digits, read};
+use super::{Arguments, Found, Taken, curve, digits, read};
 use crate::calibrate::{BracketFit, BracketSamples, fit_bracket, recover_exposures};
 use crate::error::{Error, Place, Result, TomlText};
 use crate::files::{exposure_settings, write_exr};
@@ -16,8 +16,8 @@ struct File {
 
 const CURVE_POINTS: usize = 52;
 
-pub(super) fn find(arguments: &Arguments, inputs: &[Input], known: Option<&Response>) -> Result<Found> {
-    let files = inputs.iter().map(Input::files).collect::<Result<Vec<_>>>()?.concat();
+pub(super) fn find(arguments: &Arguments, inputs: &[Taken], known: Option<&Response>) -> Result<Found> {
+    let files = inputs.iter().map(Taken::files).collect::<Result<Vec<_>>>()?.concat();
     let times = match &arguments.exposures {
         Some(path) => {
             let text = TomlText::load(path)?;

@@ -1,4 +1,4 @@
-use super::{Arguments, Found, Input, curve, digits};
+use super::{Arguments, Found, Taken, curve, digits};
 use crate::calibrate::{
     Family, Patch, PatchCodes, PatchFit, PatchFitOptions, PatchUse, Rectangle, fit_patches,
 };
@@ -28,7 +28,7 @@ struct Entry {
 const GREY: f64 = 0.03;
 const CURVE_POINTS: usize = 33;
 
-pub(super) fn find(arguments: &Arguments, inputs: &[Input], file: &Path) -> Result<Found> {
+pub(super) fn find(arguments: &Arguments, inputs: &[Taken], file: &Path) -> Result<Found> {
     let text = TomlText::load(file)?;
     let File { patch: entries } = text.parse()?;
     let mut codes = vec![PatchCodes::default(); entries.len()];
@@ -82,7 +82,7 @@ pub(super) fn find(arguments: &Arguments, inputs: &[Input], file: &Path) -> Resu
 }
 
 /// Which of the inputs a patch lies in.
-fn owner(inputs: &[Input], entry: &Entry) -> Result<usize> {
+fn owner(inputs: &[Taken], entry: &Entry) -> Result<usize> {
     let Some(name) = &entry.picture else {
         return if inputs.len() == 1 {
             Ok(0)
@@ -90,7 +90,7 @@ fn owner(inputs: &[Input], entry: &Entry) -> Result<usize> {
             Err(Error::usage("is missing; say in which of the pictures the patch lies"))
         };
     };
-    let is_it = |input: &Input| {
+    let is_it = |input: &Taken| {
         input.path.as_os_str() == name.as_str()
             || input.path.file_name().is_some_and(|file| file == name.as_str())
     };

@@ -1,8 +1,8 @@
 //! `run --listen`: a service whose configuration can be taken anew (SIGHUP) while its clients stay connected.
 
-use super::run::{Arguments, OutputFile, ends, watch};
-use super::signals::SignalWatch;
 use super::systemd::Watchdog;
+use super::{Arguments, OutputFile, ends, watch};
+use crate::cli::signals::SignalWatch;
 use crate::config::Config;
 use crate::error::Result;
 use crate::net::{Board, Server, ServerOptions};
@@ -97,7 +97,7 @@ impl Serving<'_> {
                 self.watchdog.reloading();
                 match self.reload() {
                     Ok(reloaded) => {
-                        tracing::info!("{}: taken anew", self.arguments.config.display());
+                        tracing::info!("{}: taken anew", self.arguments.config.path().display());
                         next = Some(reloaded);
                         self.watchdog.starts_anew();
                         ending.request();
@@ -122,7 +122,7 @@ impl Serving<'_> {
 
     /// The configuration as its file is now, if a service could run with it.
     fn reload(&self) -> Result<Next> {
-        let config = Config::load(&self.arguments.config)?;
+        let config = Config::load(self.arguments.config.path())?;
         let options = config.server_options()?;
         Service::check(&config)?;
         Ok(Next { config, options })

@@ -1,0 +1,111 @@
+//! `render` into files: one picture, or a folder of numbered ones, from any input.
+
+use super::lists::{Origin, Reader};
+use super::values::Target;
+use super::{Arguments, camera, lights_of_map, no_reference, renderer, samples};
+use crate::cli::input::Input;
+use crate::cli::panorama::{map_shape, read_panorama};
+use crate::cli::progress::Progress;
+use crate::cli::signals::SignalWatch;
+use crate::error::{Error, Result};
+use crate::render::emitters;
+use crate::rt::stage::{self as stages, Nowhere, Stage};
+use crate::rt::{Clock, Metrics, Shutdown};
+use crate::stage::{Files, PictureWriter, Render};
+use lightcast_core::light::LightList;
+use std::path::Path;
+
+pub(super) fn run(arguments: &Arguments, input: &Input, target: &Target) -> Result<()> {
+    match input {
+        Input::Panorama(path) => render_panorama(arguments, input, path, target),
+        _ => render_lists(arguments, input, target),
+    }
+}
+
+fn render_panorama(arguments: &Arguments, input: &Input, panorama: &Path, target: &Target) -> Result<()> {
+    let map = read_panorama(panorama, map_shape(arguments.resolution, arguments.hemisphere)?)?;
+    let mut renderer = renderer(arguments, input)?;
+    let camera = camera(arguments, &renderer)?;
+    if arguments.reference {
+        let lights = emitters(&map);
+        let progress = Progress::of(Some(lights.len() as u64), "emitters");
+        renderer.draw_reference(&lights, &camera, samples(arguments), |done| {
+            progress.set_position(done as u64);
+            true
+        })?;
+        progress.finish();
+    } else {
+        let lights = lights_of_map(arguments, renderer.scene(), &map)?;
+        renderer.draw(&lights, &camera, samples(arguments))?;
+    }
+    match target {
+        Target::File { path, is_exr } => PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr),
+        Target::Folder(folder) => {
+            make(folder)?;
+            let path = folder.join("frame_00000.png");
+            PictureWriter::default().write(&mut renderer, 0.0, &path, false)
+        }
+    }
+}
+
+/// Other threads bring the lists; this one renders them: the first into a file, all into a folder.
+fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result<()> {
+    no_reference(arguments)?;
+    let shutdown = Shutdown::new();
+    let origin = Origin::open(arguments, input, Reader::Files, &shutdown)?;
+    let _signals = SignalWatch::start(&shutdown)?;
+    let mut renderer = renderer(arguments, input)?;
+    let camera = camera(arguments, &renderer)?;
+    if let Target::Folder(folder) = target {
+        make(folder)?;
+    }
+    let metrics = Metrics::new("render");
+    let (mut lists, making) = origin.start()?;
+    let outcome = match target {
+        Target::File { path, is_exr } => match lists.link.receive() {
+            Some(list) => {
+                metrics.frames.add(1);
+                renderer
+                    .draw(&list.lights, &camera, samples(arguments))
+                    .and_then(|()| PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr))
+            }
+            None if shutdown.is_requested() => Ok(()),
+            None => Err(Error::failed("gave no light list").at(input.name())),
+        },
+        Target::Folder(folder) => {
+            let progress = Progress::of(lists.count, "lists");
+            let files = Files { folder: folder.clone(), are_exr: false };
+            let render = Render::new(renderer, camera, samples(arguments), files, arguments.every);
+            let shown = Shown { render, progress: progress.clone() };
+            let outcome = stages::run(shown, lists.link, Nowhere, &Clock::real(), &shutdown, &metrics);
+            progress.finish();
+            outcome
+        }
+    };
+    // Why there was no list is told rather than that there was none.
+    let ended = making.finish(metrics);
+    ended.and(outcome)
+}
+
+/// A stage that shows how far it is.
+struct Shown {
+    render: Render,
+    progress: Progress,
+}
+
+impl Stage for Shown {
+    type Input = LightList;
+    type Output = ();
+
+    fn step(&mut self, list: &LightList, (): &mut ()) -> Result<stages::Flow> {
+        self.progress.inc(1 + list.stamp.lost_before);
+        self.render.step(list, &mut ())
+    }
+}
+
+/// Makes a folder, unless it is there.
+fn make(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
+    })
+}
