@@ -129,7 +129,8 @@ mod tests {
     #[test]
     fn faults_are_told() {
         let mut text = Vec::new();
-        encode(&line_of(&one_light()), &DELIVERY, &mut text);
+        let measured = LightList { error: Some(0.0), ..one_light() };
+        encode(&line_of(&measured), &DELIVERY, &mut text);
         let sound = String::from_utf8(text).unwrap();
         let stream = sound.find(",\"stream\"").unwrap();
         for (message, expected) in [

@@ -113,23 +113,23 @@ fn faults_are_named_with_file_line_and_key() {
     let message = refusal(&SKY.replace("height = 20", "height = 'x'"));
     assert!(message.starts_with("a/sky.toml: line 10 (") && message.contains("height = 'x'"), "{message}");
     for (from, to, expected) in [
-        ("frames = 3", "frames = 0", "line 3: frames must"),
-        ("frame_rate_hz = 20.0", "frame_rate_hz = nan", "line 4: frame_rate_hz must"),
-        ("sky.###.png", "sky.png", "line 2: name must hold"),
-        ("sky.###.png", "sky.###.exr", "line 2: name must end in .png"),
-        ("sky.###.png", "sky.###5.png", "line 2: name must hold"),
-        ("height = 20", "height = 20000", "line 8: fisheye width and height must"),
-        ("cover = 0.4", "cover = 1.4", "line 17: sky.clouds.cover must"),
-        ("radius_deg = 4.0", "radius_deg = 0.0", "line 22: sky.lamp[0].radius_deg must"),
-        ("depth = 0.5", "depth = 1.5", "line 24: sky.lamp[0].flicker needs"),
-        ("depth = 0.5", "depth = 0.5, phase_turns = 1e300", "line 24: sky.lamp[0].flicker needs"),
-        ("path = [{ time_s = 0.0", "path = [{ time_s = -inf", "line 15: sky.sun.path[0].time_s must"),
-        ("[9.0, 5.0, 1.0]", "[9.0, 5.0, -1.0]", "line 23: sky.lamp[0].radiance must"),
-        ("elevation_deg = 50.0", "elevation_deg = 95.0", "line 15: sky.sun.path[0] needs"),
+        ("frames = 3", "frames = 0", "line 3: frames: must"),
+        ("frame_rate_hz = 20.0", "frame_rate_hz = nan", "line 4: frame_rate_hz: must"),
+        ("sky.###.png", "sky.png", "line 2: name: must hold"),
+        ("sky.###.png", "sky.###.exr", "line 2: name: must end in .png"),
+        ("sky.###.png", "sky.###5.png", "line 2: name: must hold"),
+        ("height = 20", "height = 20000", "line 8: fisheye: width and height must"),
+        ("cover = 0.4", "cover = 1.4", "line 17: sky.clouds.cover: must"),
+        ("radius_deg = 4.0", "radius_deg = 0.0", "line 22: sky.lamp[0].radius_deg: must"),
+        ("depth = 0.5", "depth = 1.5", "line 24: sky.lamp[0].flicker: needs"),
+        ("depth = 0.5", "depth = 0.5, phase_turns = 1e300", "line 24: sky.lamp[0].flicker: needs"),
+        ("path = [{ time_s = 0.0", "path = [{ time_s = -inf", "line 15: sky.sun.path[0].time_s: must"),
+        ("[9.0, 5.0, 1.0]", "[9.0, 5.0, -1.0]", "line 23: sky.lamp[0].radiance: must"),
+        ("elevation_deg = 50.0", "elevation_deg = 95.0", "line 15: sky.sun.path[0]: needs"),
         ("field_of_view_deg = 180.0", "field_of_view_deg = 0.0", "line 8: fisheye: lens"),
         ("b = 200.0", "b = 0.0", "line 12: fisheye.response: "),
         ("[fisheye]", "[lat_long]\nwidth = 9\nheight = 9\n[fisheye]", "lat_long or fisheye: one of"),
-        ("read_codes = 0.7", "read_codes = -1.0", "line 7: noise needs"),
+        ("read_codes = 0.7", "read_codes = -1.0", "line 7: noise: needs"),
     ] {
         let message = refusal(&SKY.replace(from, to));
         assert!(message.contains(expected), "{message}");

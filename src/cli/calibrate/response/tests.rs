@@ -119,5 +119,5 @@ fn a_bracket_without_times_says_what_is_needed() {
     let error = run_line(folder.path(), "@shot_0.png @shot_1.png").unwrap_err();
     assert!(error.to_string().contains("say the times with --exposures"), "{error}");
     let error = run_line(folder.path(), "@shot_0.png @shot_1.png --exposures @times.toml").unwrap_err();
-    assert!(error.to_string().contains("line 1: exposure_s has 3 times for 2 pictures"), "{error}");
+    assert!(error.to_string().contains("line 1: exposure_s: has 3 times for 2 pictures"), "{error}");
 }
