@@ -54,7 +54,7 @@ enum Command {
     Lights(lights::Arguments),
     Calibrate(calibrate::Arguments),
     #[cfg(feature = "render")]
-    Render(render::Arguments),
+    Render(Box<render::Arguments>),
     Synthesize(synthesize::Arguments),
     Report(report::Arguments),
     #[cfg(feature = "render")]

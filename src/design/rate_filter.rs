@@ -49,10 +49,9 @@ mod tests {
     use lightcast_core::light::LightList;
 
     fn lamp(sequence: u64, frame_rate_hz: f64, irradiance: f32) -> ReferencedList {
-        let mut list = LightList::default();
-        list.stamp = Stamp { sequence, frame_rate_hz, ..Stamp::default() };
-        list.lights =
-            vec![Light { id: 0, direction: [0.0, 1.0, 0.0], irradiance: [irradiance; 3], spread_rad: 0.0 }];
+        let light = Light { id: 0, direction: [0.0, 1.0, 0.0], irradiance: [irradiance; 3], spread_rad: 0.0 };
+        let stamp = Stamp { sequence, frame_rate_hz, ..Stamp::default() };
+        let list = LightList { stamp, lights: vec![light], ..LightList::default() };
         ReferencedList { list, ..ReferencedList::default() }
     }
 

@@ -87,8 +87,8 @@ mod tests {
     const FRAME_NS: i64 = 40_000_000;
 
     fn post(board: &Board, capture_time_ns: i64) {
-        let mut list = LightList::default();
-        list.stamp = Stamp { capture_time_ns, frame_rate_hz: 25.0, ..Stamp::default() };
+        let stamp = Stamp { capture_time_ns, frame_rate_hz: 25.0, ..Stamp::default() };
+        let list = LightList { stamp, ..LightList::default() };
         board.post(&ReferencedList { list, ..ReferencedList::default() }, &CaptureEpoch::default());
     }
 

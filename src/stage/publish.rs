@@ -45,9 +45,7 @@ mod tests {
     use std::io;
 
     fn list(sequence: u64) -> LightList {
-        let mut list = LightList::default();
-        list.stamp = Stamp { sequence, ..Stamp::default() };
-        list
+        LightList { stamp: Stamp { sequence, ..Stamp::default() }, ..LightList::default() }
     }
 
     struct Fails(ErrorKind);

@@ -66,10 +66,9 @@ mod tests {
     }
 
     fn one_light() -> LightList {
-        let mut list = LightList::default();
-        list.lights =
-            vec![Light { id: 3, direction: [0.0, 1.0, 0.0], irradiance: [1.0, 2.0, 3.0], spread_rad: 0.04 }];
-        list
+        let light =
+            Light { id: 3, direction: [0.0, 1.0, 0.0], irradiance: [1.0, 2.0, 3.0], spread_rad: 0.04 };
+        LightList { lights: vec![light], ..LightList::default() }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::recording::{Recording, lightcast, panorama, stderr};
 use crate::server::Server;
 use lightcast::files::write_exr;
+use lightcast::rt::Shutdown;
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -286,10 +287,10 @@ fn end_when_made(command: &mut Command, made: &Path) {
     let started = Instant::now();
     while size(made) == 0 && child.try_wait().unwrap().is_none() {
         assert!(started.elapsed() < Duration::from_secs(120), "{command:?} makes nothing");
-        std::thread::sleep(Duration::from_millis(20));
+        Shutdown::new().wait(Duration::from_millis(20));
     }
-    let status = Command::new("sh").args(["-c", &format!("kill -TERM {}", child.id())]).status();
-    let _ = status;
+    // It may have ended by itself.
+    let _ = Command::new("sh").args(["-c", &format!("kill -TERM {}", child.id())]).status();
     assert_eq!(child.wait().unwrap().code(), Some(0), "{command:?}");
 }
 

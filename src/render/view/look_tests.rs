@@ -47,7 +47,7 @@ fn a_panorama_is_seen_along_the_view_rays() {
             let seen = renderer.read_back().0;
             for (index, pixel) in (0..).zip(&pixels) {
                 let at = UVec2::new(index % SIZE[0], index / SIZE[0]);
-                let ray = seen.from_eye(at, 1.0).normalize_or_zero();
+                let ray = seen.offset_from_eye(at, 1.0).normalize_or_zero();
                 // The ray is what the camera says, apart from the matrices of the renderer.
                 let right = camera.view_from_world().transpose();
                 let (x, y) = (

@@ -73,10 +73,10 @@ impl SeenFrame {
     /// World position of what a pixel shows, `None` where that is nothing.
     pub fn position(&self, pixel: UVec2) -> Option<Vec3> {
         let depth = self.depths[self.index(pixel)];
-        (depth > 0.0).then(|| self.sample.eye + self.from_eye(pixel, depth))
+        (depth > 0.0).then(|| self.sample.eye + self.offset_from_eye(pixel, depth))
     }
 
-    pub fn from_eye(&self, pixel: UVec2, depth: f32) -> Vec3 {
+    pub fn offset_from_eye(&self, pixel: UVec2, depth: f32) -> Vec3 {
         let size = Vec2::new(self.sample.size[0] as f32, self.sample.size[1] as f32);
         let ndc = (pixel.as_vec2() + 0.5) / size * Vec2::new(2.0, -2.0) + Vec2::new(-1.0, 1.0);
         let homogeneous = self.sample.eye_from_clip * ndc.extend(depth).extend(1.0);

@@ -10,9 +10,8 @@ fn list(power: f32, azimuth_rad: f64) -> LightList {
         irradiance: [irradiance; 3],
         spread_rad: 0.0,
     };
-    let mut list = LightList::default();
-    list.lights = vec![light(0, 0.0, power), light(1, std::f64::consts::FRAC_PI_2, 0.0)];
-    list
+    let lights = vec![light(0, 0.0, power), light(1, std::f64::consts::FRAC_PI_2, 0.0)];
+    LightList { lights, ..LightList::default() }
 }
 
 fn truth(list: &LightList) -> Vec<f64> {

@@ -319,7 +319,5 @@ fn matrices_that_are_no_rotation_and_absurd_sizes_are_refused() {
         DMat3::from_cols_array(&DMat3::from_rotation_x(0.5).to_cols_array().map(|v| (v * 1e6).round() / 1e6));
     assert!(FrameToPolar::new(&projection, rounded, shape).is_ok());
     let huge = Projection::LatLong { width: 60_000, height: 60_000, centres: LatLongCentres::Half };
-    for (projection, shape) in [(huge, shape)] {
-        assert!(FrameToPolar::new(&projection, DMat3::IDENTITY, shape).is_err());
-    }
+    assert!(FrameToPolar::new(&huge, DMat3::IDENTITY, shape).is_err());
 }
