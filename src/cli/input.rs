@@ -27,6 +27,7 @@ pub(super) enum Input {
 }
 
 // The input of a command that takes light in every form. (Clap shows a `///` here as the text of the command.)
+#[cfg(feature = "render")]
 #[derive(Debug, clap::Args)]
 pub(super) struct InputArguments {
     /// A panorama, light lists, a configuration, a server, or `-` for standard input.
@@ -146,6 +147,7 @@ impl Input {
     }
 }
 
+#[cfg(feature = "render")]
 impl InputArguments {
     /// # Errors
     /// Those of [`Input::of`].

@@ -103,7 +103,7 @@ fn counts_beyond_reason_and_inversions_that_a_method_does_not_have_are_refused()
     for count in [0, light::MAX_LIGHTS + 1] {
         for (sampler, inversion) in METHODS {
             let error = refused(&Options { count, sampler, inversion });
-            assert!(error.kind() == Kind::Usage && error.to_string().starts_with("count: "), "{error}");
+            assert!(error.kind() == Kind::Usage && error.to_string().starts_with("count = "), "{error}");
         }
     }
     for sampler in [light::Sampler::Persistent, light::Sampler::Adaptive] {

@@ -6,7 +6,7 @@ use lightcast::config::Config;
 use lightcast::net::{Board, Client, ClientOptions, Server, ServerOptions};
 use lightcast::rt::{Metrics, Shutdown};
 use lightcast::service::{Ends, Output, Service};
-use lightcast::wire::{Message, Subscription, binary, read_list, write_list, write_list_line};
+use lightcast::wire::{Message, Subscription, binary, read_list, write_list};
 use std::io::{self, BufRead, BufReader, Write};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -296,7 +296,7 @@ fn watch_renders_what_a_file_of_the_same_list_gives() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let mut line = Vec::new();
-    write_list_line(&crate::connection::list(3, 100), &mut line).unwrap();
+    lightcast::wire::write_list_line(&crate::connection::list(3, 100), &mut line).unwrap();
     std::fs::write(at("list.jsonl"), line).unwrap();
     let options = ["--size", "48x36", "--samples", "1", "--output"];
     let mut render = lightcast();
