@@ -70,8 +70,8 @@ impl AnyExtractor {
     /// Prepares points and tables for maps of one shape.
     ///
     /// # Errors
-    /// Those of [`Extractor::new`]; `Usage` for another inversion than the bicontinuous one for persistent or adaptive
-    /// lights, which know no other.
+    /// Those of [`Extractor::new`]; `Usage` for another inversion than the bicontinuous one for persistent or
+    /// adaptive lights, which know no other.
     pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
         let Options { count, sampler, inversion } = *options;
         let live = light::Options { count, ..light::Options::default() };

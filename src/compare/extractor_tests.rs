@@ -1,4 +1,5 @@
-//! Methods of others, and other inversions, on real and awkward maps; those of the live path are tested beside it.
+//! Methods of others, and other inversions, on real and awkward maps; those of the live path are tested
+//! beside it.
 
 use super::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::Kind;
@@ -69,8 +70,8 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
     let map = PolarMap::from_fn(shape, |r, c| if (r, c) == (row, column) { [1e8; 3] } else { [1.0; 3] });
     let sun = 1e8 * shape.pixel_solid_angle(row);
     for method in &METHODS[3..] {
-        // Hundreds of passes over 16 million pixels for 64 lights show no more than a few dozen for 4, whose cells have
-        // more beside the sun.
+        // Hundreds of passes over 16 million pixels for 64 lights show no more than a few dozen for 4, whose
+        // cells have more beside the sun.
         let (count, most_rad) = if method.0 == Sampler::KolligKeller { (4, 1e-2) } else { (64, 1e-3) };
         let list = extract(&map, count, *method);
         check_list(&format!("{method:?}"), &list, count);

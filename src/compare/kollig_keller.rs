@@ -1,16 +1,18 @@
-//! Lloyd's relaxation with a growing number of points: Kollig and Keller, *Efficient Illumination by High Dynamic Range
-//! Images*, Eurographics Symposium on Rendering 2003.
+//! Lloyd's relaxation with a growing number of points: Kollig and Keller, *Efficient Illumination by High
+//! Dynamic Range Images*, Eurographics Symposium on Rendering 2003.
 //!
-//! The paper's: a quadrature rule with one node for each Voronoi cell of the sphere, whose weight is the map's integral
-//! over the cell; the nodes are relaxed, each to its cell's centre of mass, the map's radiance being the mass; the set
-//! begins with one node and grows, a new node beside that of the cell with the highest total intensity, so that the
-//! relaxation does not end in a poor local minimum and the intensities become much alike.
+//! The paper's: a quadrature rule with one node for each Voronoi cell of the sphere, whose weight is the
+//! map's integral over the cell; the nodes are relaxed, each to its cell's centre of mass, the map's radiance
+//! being the mass; the set begins with one node and grows, a new node beside that of the cell with the
+//! highest total intensity, so that the relaxation does not end in a poor local minimum and the intensities
+//! become much alike.
 //!
-//! Chosen here: as soon as there are 16 nodes an eighth of them is added at once, beside those of the brightest cells,
-//! where the paper adds one, so that the time grows with the number of lights by little more than a pass over the map
-//! does; eight steps of relaxation after every growth and eight more at the end; a new node stands half of its cell's
-//! spread away from the old one, the directions turned by the golden angle. A cell of a single lit pixel is not split,
-//! and nodes whose cells are dark are put beside bright ones.
+//! Chosen here: as soon as there are 16 nodes an eighth of them is added at once, beside those of the
+//! brightest cells, where the paper adds one, so that the time grows with the number of lights by little more
+//! than a pass over the map does; eight steps of relaxation after every growth and eight more at the end; a
+//! new node stands half of its cell's spread away from the old one, the directions turned by the golden
+//! angle. A cell of a single lit pixel is not split, and nodes whose cells are dark are put beside bright
+//! ones.
 
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape};
@@ -21,14 +23,14 @@ use std::f64::consts::PI;
 const NODES_PER_NEW_ONE: usize = 8;
 const STEPS_PER_GROWTH: usize = 8;
 const STEPS_AT_THE_END: usize = 8;
-/// Growths in a row that may leave dark cells dark: a new node beside one of two lamps may see neither, where a third of
-/// a turn further it would have had one of them.
+/// Growths in a row that may leave dark cells dark: a new node beside one of two lamps may see neither, where
+/// a third of a turn further it would have had one of them.
 const VAIN_GROWTHS: usize = 4;
 
 /// Writes as many lights as there are `sites`. Their sum is the RGB power of the map.
 ///
-/// The sites become the lights' directions; what they are before is of no consequence except where no cell can be split
-/// any more, as on a map without light: then those that are still unused stay where they are.
+/// The sites become the lights' directions; what they are before is of no consequence except where no cell
+/// can be split any more, as on a map without light: then those that are still unused stay where they are.
 pub(super) fn kollig_keller(
     map: &PolarMap,
     voronoi: &mut Voronoi,
@@ -72,9 +74,9 @@ fn is_dark(light: &Light) -> bool {
     light.luminance() == 0.0
 }
 
-/// Puts new sites, and those of dark cells, beside the sites of the cells with the highest power, and gives the number
-/// that is in use then; `None` where no cell can be split. The new ones stand by the golden angle further round than
-/// those of a growth that was in vain once less.
+/// Puts new sites, and those of dark cells, beside the sites of the cells with the highest power, and gives
+/// the number that is in use then; `None` where no cell can be split. The new ones stand by the golden angle
+/// further round than those of a growth that was in vain once less.
 fn grow(
     shape: PolarShape,
     sites: &mut [[f32; 3]],

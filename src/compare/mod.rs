@@ -1,7 +1,8 @@
-//! What the live path is compared with: methods of others, the paper's as one writes it down at first, and published figures.
+//! What the live path is compared with: methods of others, the paper's as one writes it down at first, and
+//! published figures.
 //!
-//! Nothing that runs live imports this room. Methods of others have a file each, which says what of it is the paper's.
-//! [`AnyExtractor`] runs all of them, and the live ones, by one name.
+//! Nothing that runs live imports this room. Methods of others have a file each, which says what of it is the
+//! paper's. [`AnyExtractor`] runs all of them, and the live ones, by one name.
 
 mod extractor;
 mod kollig_keller;

@@ -1,5 +1,6 @@
-//! The paper's method (Havran et al. 2005, sections 3.1 to 3.3) as one writes it down at first, all of it in f32: what
-//! [`super::stability`] compares with. Nothing else uses it, and no case is caught that the paper does not speak of.
+//! The paper's method (Havran et al. 2005, sections 3.1 to 3.3) as one writes it down at first, all of it in
+//! f32: what [`super::stability`] compares with. Nothing else uses it, and no case is caught that the paper
+//! does not speak of.
 
 use lightcast_core::image::{PolarMap, luminance};
 use lightcast_core::light::Light;
@@ -48,7 +49,8 @@ fn inverse(count: usize, u: f32, table: impl Fn(usize) -> f32) -> f32 {
     index as f32 + (u - table(index)) / (table(index + 1) - table(index))
 }
 
-/// Lights of equal power at the bicontinuous inverse transform of `points`, with the chromaticity of their pixels.
+/// Lights of equal power at the bicontinuous inverse transform of `points`, with the chromaticity of their
+/// pixels.
 pub(super) fn lights(map: &PolarMap, points: &[[f64; 2]]) -> Vec<Light> {
     let (columns, rows) = (map.shape.columns(), map.shape.rows());
     let z = z_edges(map);

@@ -1,4 +1,5 @@
-//! Rectangles of rows and columns of a map, cut in two again and again: what median cut and variance minimisation share.
+//! Rectangles of rows and columns of a map, cut in two again and again: what median cut and variance
+//! minimisation share.
 
 use super::spare_lights::fill_up;
 use glam::DVec3;
@@ -77,8 +78,8 @@ impl<'a> Pixels<'a> {
         Rectangle { rows: 0..self.map.shape.rows(), columns: 0..self.map.shape.columns() }
     }
 
-    /// The axis along which a rectangle is longer as seen on the sphere, the width taken where it is widest, if it has
-    /// more than one slice along it; otherwise the other. `None` for a single pixel.
+    /// The axis along which a rectangle is longer as seen on the sphere, the width taken where it is widest,
+    /// if it has more than one slice along it; otherwise the other. `None` for a single pixel.
     pub(super) fn longer_axis(&self, rectangle: &Rectangle) -> Option<Axis> {
         let shape = self.map.shape;
         let (top_rad, rim_rad) =
@@ -136,9 +137,10 @@ impl<'a> Pixels<'a> {
         sum
     }
 
-    /// Writes `count` lights: one for each rectangle, at most `count` of them, with its RGB flux, the mean direction of
-    /// its flux and its spread; that of a dark rectangle has no power and the rectangle's own mean direction. Where
-    /// there are fewer rectangles the other lights have no power and repeat the directions.
+    /// Writes `count` lights: one for each rectangle, at most `count` of them, with its RGB flux, the mean
+    /// direction of its flux and its spread; that of a dark rectangle has no power and the rectangle's own
+    /// mean direction. Where there are fewer rectangles the other lights have no power and repeat the
+    /// directions.
     pub(super) fn lights(&self, rectangles: &[Rectangle], count: usize, lights: &mut Vec<Light>) {
         lights.clear();
         lights.extend(rectangles.iter().enumerate().map(|(id, rectangle)| {
@@ -149,16 +151,16 @@ impl<'a> Pixels<'a> {
     }
 }
 
-/// Cuts `whole` into `count` rectangles, or as many as `cut` allows: it gives the halves, or `None` for what cannot be
-/// cut.
+/// Cuts `whole` into `count` rectangles, or as many as `cut` allows: it gives the halves, or `None` for what
+/// cannot be cut.
 ///
-/// As long as there are no more than half as many as wanted, every rectangle is cut (both papers: 2^n regions in n
-/// rounds). For what is left over the one with the highest `rank` is cut next; ranks are finite and not negative. So
-/// 2^n are the paper's, except that where a rectangle is a single pixel before the last round its share of the lights
-/// goes to the others.
+/// As long as there are no more than half as many as wanted, every rectangle is cut (both papers: 2^n regions
+/// in n rounds). For what is left over the one with the highest `rank` is cut next; ranks are finite and not
+/// negative. So 2^n are the paper's, except that where a rectangle is a single pixel before the last round
+/// its share of the lights goes to the others.
 ///
-/// A half takes its parent's place and the other goes to the end, so that the first 2^k rectangles lie in different ones
-/// of the first k rounds: the beginning of the list covers the map.
+/// A half takes its parent's place and the other goes to the end, so that the first 2^k rectangles lie in
+/// different ones of the first k rounds: the beginning of the list covers the map.
 pub(super) fn divide(
     whole: Rectangle,
     count: usize,

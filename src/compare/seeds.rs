@@ -31,7 +31,7 @@ enum Distribution {
 }
 
 impl Seeds {
-    /// `count` points after so many steps of relaxation, for maps of one shape.
+    /// `count` points after `relaxation_steps` steps of relaxation, for maps of one shape.
     pub(super) fn new(
         shape: PolarShape,
         count: usize,

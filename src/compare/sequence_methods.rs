@@ -13,7 +13,8 @@ pub const LIGHTS: usize = 128;
 /// How the lights of a sequence are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SequenceMethod {
-    /// Equal-power lights by the bicontinuous inversion with normalised rows, each frame by itself: the paper's.
+    /// Equal-power lights by the bicontinuous inversion with normalised rows, each frame by itself: the
+    /// paper's.
     Paper,
     /// Refined lights, each frame by itself.
     Refined,
@@ -60,8 +61,8 @@ impl SequenceMethod {
     }
 }
 
-/// Figures of METHODS section 7, made with a float64 reference model, every light a direction. For adaptive lights those
-/// of "persistent, dominant peaks apart".
+/// Figures of METHODS section 7, made with a float64 reference model, every light a direction. For adaptive
+/// lights those of "persistent, dominant peaks apart".
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Published {
     /// Error and flicker before the filter.
@@ -72,7 +73,8 @@ pub struct Published {
     pub after: [f64; 2],
 }
 
-/// What adaptive lights are to reach after the filter, shadows softened by their spread: error and flicker ...
+/// What adaptive lights are to reach after the filter, shadows softened by their spread: error and flicker
+/// ...
 pub const GOALS: [(&str, [f64; 2]); 2] = [("garden", [0.003, 0.006]), ("hall", [0.0012, 0.0003])];
 /// ... and 99th percentile of light motion before and after it, in degrees a frame.
 pub const MOTION_GOAL_DEG: f64 = 2.0;
@@ -116,7 +118,8 @@ const fn published(before: [f64; 2], motion_p99_deg: f64, after: [f64; 2]) -> Pu
     Published { before, motion_p99_deg, after }
 }
 
-/// Whether there are published figures for `sequence` made of the panorama with this name, without its extension.
+/// Whether there are published figures for `sequence` made of the panorama with this name, without its
+/// extension.
 pub fn is_published(sequence: &str, panorama: &str) -> bool {
     PUBLISHED_SEQUENCES.iter().any(|known| (known.name, known.panorama) == (sequence, panorama))
 }

@@ -1,5 +1,6 @@
-//! The hard cases of METHODS section 10, each as rows of figures: what comes in, what the paper's method written down in
-//! f32 makes of it (the module `plain_paper`), what ours makes of it, what is true in f64, and how far ours may be off.
+//! The hard cases of METHODS section 10, each as rows of figures: what comes in, what the paper's method
+//! written down in f32 makes of it (the module `plain_paper`), what ours makes of it, what is true in f64,
+//! and how far ours may be off.
 
 mod frames;
 mod maps;
@@ -77,7 +78,8 @@ fn row(
 /// Measures a case.
 type Case = fn() -> Result<Vec<Row>>;
 
-/// Runs every case; a few seconds. `goes_on` is asked after every one; when it says no, the rows until then are all.
+/// Runs every case; a few seconds. `goes_on` is asked after every one; when it says no, the rows until then
+/// are all.
 ///
 /// # Errors
 /// Those of the parts that are measured.

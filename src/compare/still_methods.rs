@@ -98,8 +98,8 @@ pub const METHODS: [StillMethod; 9] = [
     method("adaptive", ADAPTIVE, None),
 ];
 
-/// The method of [`METHODS`] that `run` takes unless told otherwise. It is judged when the scene has stood still for
-/// nine frames, the others by their first list.
+/// The method of [`METHODS`] that `run` takes unless told otherwise. It is judged when the scene has stood
+/// still for nine frames, the others by their first list.
 pub const OURS: &str = "adaptive";
 /// The length of the filter at 25 frames/s: by then lights have settled.
 const STILL_FRAMES: usize = 9;

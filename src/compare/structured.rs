@@ -1,18 +1,18 @@
-//! Structured importance sampling: Agarwal, Ramamoorthi, Belongie and Jensen, *Structured Importance Sampling of
-//! Environment Maps*, SIGGRAPH 2003.
+//! Structured importance sampling: Agarwal, Ramamoorthi, Belongie and Jensen, *Structured Importance Sampling
+//! of Environment Maps*, SIGGRAPH 2003.
 //!
-//! The paper's: the map is cut into levels of radiance by thresholds at multiples of its standard deviation, six levels,
-//! and these into connected components; a component of illumination L and solid angle dO has the importance
-//! `L^a min(dO, dO_0)^b` with a = 1, b = 1/4 and dO_0 = 0.01 sr, so that a small bright source gets fewer samples than by
-//! its power alone, and a number of samples in proportion; they are spread over it by the farthest-point rule of
-//! Hochbaum and Shmoys, brightest levels first, away from all that are placed already; every sample takes the
-//! illumination of its stratum, integrated before anything is rendered.
+//! The paper's: the map is cut into levels of radiance by thresholds at multiples of its standard deviation,
+//! six levels, and these into connected components; a component of illumination L and solid angle dO has the
+//! importance `L^a min(dO, dO_0)^b` with a = 1, b = 1/4 and dO_0 = 0.01 sr, so that a small bright source
+//! gets fewer samples than by its power alone, and a number of samples in proportion; they are spread over it
+//! by the farthest-point rule of Hochbaum and Shmoys, brightest levels first, away from all that are placed
+//! already; every sample takes the illumination of its stratum, integrated before anything is rendered.
 //!
-//! Chosen here: levels are apart, where the paper's lower ones hold the higher ones and count their samples; numbers of
-//! samples are rounded by Sainte-Lague's divisors, so that they add up; the first sample of all is the brightest pixel;
-//! components without a sample, of which noisy maps have many, belong to the nearest samples; a light stands in the mean
-//! direction of its stratum's flux, not at the sample, which the farthest-point rule puts at the stratum's edge as often
-//! as not.
+//! Chosen here: levels are apart, where the paper's lower ones hold the higher ones and count their samples;
+//! numbers of samples are rounded by Sainte-Lague's divisors, so that they add up; the first sample of all is
+//! the brightest pixel; components without a sample, of which noisy maps have many, belong to the nearest
+//! samples; a light stands in the mean direction of its stratum's flux, not at the sample, which the
+//! farthest-point rule puts at the stratum's edge as often as not.
 
 use super::spare_lights::fill_up;
 use glam::DVec3;
@@ -29,8 +29,8 @@ const SOLID_ANGLE_MOST_SR: f64 = 0.01;
 /// Place of a pixel that has none.
 const NONE: u32 = u32::MAX;
 
-/// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A constant map, a black one too, is one
-/// component; where the map has fewer than `count` pixels the other lights have no power.
+/// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A constant map, a black one
+/// too, is one component; where the map has fewer than `count` pixels the other lights have no power.
 pub(super) fn structured(map: &PolarMap, count: usize, lights: &mut Vec<Light>) {
     let strata = Strata::new(map, count);
     let mut shares = vec![Share::default(); strata.sites.len()];
@@ -111,8 +111,8 @@ impl Strata {
     }
 }
 
-/// Samples for each component, `count` in all, or all pixels where those are fewer: in proportion to importance, by the
-/// divisors 1, 3, 5 ... (Sainte-Lague), and no more than pixels.
+/// Samples for each component, `count` in all, or all pixels where those are fewer: in proportion to
+/// importance, by the divisors 1, 3, 5 ... (Sainte-Lague), and no more than pixels.
 fn apportion(components: &[Component], count: usize) -> Vec<usize> {
     let mut counts = vec![0; components.len()];
     // The bits of floating-point numbers that are not negative have the order of the numbers.
@@ -158,8 +158,8 @@ fn components(map: &PolarMap) -> (Vec<Component>, Vec<usize>) {
     (components, members)
 }
 
-/// The level of every pixel: how many of the thresholds sigma, 2 sigma ... 5 sigma its luminance reaches, sigma the
-/// map's standard deviation over solid angle. All 0 for a constant map.
+/// The level of every pixel: how many of the thresholds sigma, 2 sigma ... 5 sigma its luminance reaches,
+/// sigma the map's standard deviation over solid angle. All 0 for a constant map.
 fn levels(map: &PolarMap) -> Vec<usize> {
     let solid_angle = |index: usize| map.shape.pixel_solid_angle(index / map.shape.columns());
     let (mut sum, mut weight) = (0.0, 0.0);

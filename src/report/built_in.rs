@@ -1,5 +1,5 @@
-//! Inputs for a report when none are named: three maps of different character, and two sequences. They are scripts as
-//! `lightcast synthesize` takes them, so everybody has the same.
+//! Inputs for a report when none are named: three maps of different character, and two sequences. They are
+//! scripts as `lightcast synthesize` takes them, so everybody has the same.
 
 use crate::error::{Result, TomlText};
 use crate::source::synthetic::{Script, Synthetic};
@@ -39,8 +39,8 @@ impl BuiltIn {
         Ok((script.frames, script.frame_rate_hz))
     }
 
-    /// Its frames, averaged to maps of this shape, at most `limit` of them. `goes_on` is asked after every frame; when it
-    /// says no, the maps until then are all.
+    /// Its frames, averaged to maps of this shape, at most `limit` of them. `goes_on` is asked after every
+    /// frame; when it says no, the maps until then are all.
     ///
     /// # Errors
     /// Those of [`Script::parse`] and [`FrameToPolar::new`], for shapes that cannot be.

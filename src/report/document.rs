@@ -15,10 +15,10 @@
 //! | `stability` | the hard cases, as rows: `case`, `input`, `quantity`, `figures` (`plain_f32`, `ours`, `reference`, `bound`), `tested_in` |
 //! | `texts` | tables as text, beside published figures: `title`, `command`, `lines` |
 //!
-//! A table has `name`, `command` (which prints its figures), `notes`, `measures` (`key`, `name`, `ranked`) and `rows`. A
-//! row has `method`, `lights`, `time_ms`, a value for the `key` of every measure (null where it is not finite), and
-//! `front`, the keys of those ranked measures for which it is on the Pareto front: no other method with as many lights
-//! has at most its time and at most its value, and less of one.
+//! A table has `name`, `command` (which prints its figures), `notes`, `measures` (`key`, `name`, `ranked`)
+//! and `rows`. A row has `method`, `lights`, `time_ms`, a value for the `key` of every measure (null where it
+//! is not finite), and `front`, the keys of those ranked measures for which it is on the Pareto front: no
+//! other method with as many lights has at most its time and at most its value, and less of one.
 
 use super::machine::{Machine, now_utc};
 use super::table::Table;

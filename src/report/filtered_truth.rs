@@ -1,7 +1,8 @@
 //! The truth that filtered lists are judged against.
 
-/// The truth of every frame passed through the taps as the light filter passes lists: the first frame, and the first
-/// after a gap longer than the filter, is taken for all time before; in a shorter gap the last one is held.
+/// The truth of every frame passed through the taps as the light filter passes lists: the first frame, and
+/// the first after a gap longer than the filter, is taken for all time before; in a shorter gap the last one
+/// is held.
 pub(super) fn filtered(
     truth: &[Vec<f64>],
     lost_before: impl Iterator<Item = u64>,

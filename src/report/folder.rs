@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 /// The page's name.
 const PAGE: &str = "index.html";
 
-/// Writes `index.html`, `report.json` and the plots into `folder`, which is made if it is not there. Files of the same
-/// names are replaced, each at once: whoever looks meanwhile sees the old or the new one. Returns the page's path.
+/// Writes `index.html`, `report.json` and the plots into `folder`, which is made if it is not there. Files of
+/// the same names are replaced, each at once: whoever looks meanwhile sees the old or the new one. Returns
+/// the page's path.
 ///
 /// # Errors
 /// When the folder or a file cannot be written.

@@ -8,13 +8,14 @@ use crate::scene::{Camera, Scene};
 use lightcast_core::light::Light;
 use std::time::{Duration, Instant};
 
-/// Passes in the order of a frame, as [`Renderer::read_times`] names them, and whether they are render passes alone.
+/// Passes in the order of a frame, as [`Renderer::read_times`] names them, and whether they are render passes
+/// alone.
 pub const PASSES: [(&str, bool); 5] =
     [("regions", false), ("shadow maps", true), ("surfaces", true), ("shade", false), ("tone", false)];
 
 /// Frames of which the median is taken, if they are quick.
 const MOST_FRAMES: usize = 31;
-/// Frames that take longer than so many budgets are measured once.
+/// A frame that takes longer than this many budgets is measured once.
 const SLOW_BUDGETS: u32 = 4;
 /// What targets of [`Renderer::present`] are like.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
@@ -67,8 +68,9 @@ impl Timed {
         Ok(Self { renderer, camera, target, are_compute_times_right })
     }
 
-    /// Times frames under these lights: the first is not counted where it is quick, as it may set things up; at least
-    /// three are, until `budget` is spent; of slow ones (four budgets) one. The renderer forgets what it drew before.
+    /// Times frames under these lights: the first is not counted where it is quick, as it may set things up;
+    /// at least three are, until `budget` is spent; of slow ones (four budgets) one. The renderer forgets
+    /// what it drew before.
     ///
     /// # Errors
     /// Those of the device.

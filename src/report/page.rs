@@ -1,4 +1,5 @@
-//! A report as one HTML page that needs nothing else: no script, no other file, no network. It is well-formed XML too.
+//! A report as one HTML page that needs nothing else: no script, no other file, no network. It is well-formed
+//! XML too.
 
 mod stability;
 #[cfg(test)]

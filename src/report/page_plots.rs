@@ -12,8 +12,8 @@ pub(super) enum Against {
     Lights,
 }
 
-/// A panel for each ranked measure that has values, a series for each method with a point for each number of lights,
-/// a ring about those on the front, and a thick line for ours.
+/// A panel for each ranked measure that has values, a series for each method with a point for each number of
+/// lights, a ring about those on the front, and a thick line for ours.
 pub(super) fn plot(title: &str, table: &Table, against: Against) -> Plot {
     let mut methods: Vec<&str> = Vec::new();
     for row in &table.rows {

@@ -1,8 +1,8 @@
 //! The Pareto front: which methods no other beats in time and error both.
 
-/// For every point (time, error), whether no other point has at most its time and at most its error, and less of one.
-/// Equal points are on the front together; so is the quickest of points without error. A point that is not finite is
-/// never on the front and never keeps another off it.
+/// For every point (time, error), whether no other point has at most its time and at most its error, and less
+/// of one. Equal points are on the front together; so is the quickest of points without error. A point that
+/// is not finite is never on the front and never keeps another off it.
 pub fn front(points: &[(f64, f64)]) -> Vec<bool> {
     let is_finite = |point: &(f64, f64)| point.0.is_finite() && point.1.is_finite();
     let beats = |other: &(f64, f64), point: &(f64, f64)| {
@@ -25,8 +25,8 @@ pub struct Contender<'a> {
     pub value: f64,
 }
 
-/// Says whether `ours` is on the front of `what` among those with as many lights, for every number of lights; where
-/// it is not, who beats it. Nothing when `ours` is not among them.
+/// Says whether `ours` is on the front of `what` among those with as many lights, for every number of lights;
+/// where it is not, who beats it. Nothing when `ours` is not among them.
 pub fn finding(what: &str, ours: &str, contenders: &[Contender]) -> Option<String> {
     let (mut on, mut off) = (Vec::new(), Vec::new());
     for own in contenders.iter().filter(|contender| contender.method == ours) {

@@ -5,8 +5,8 @@ use crate::picture::{PIXELS_PER_DEGREE, ToneCurve, flip, linear_from_srgb8};
 /// RMS difference of linear radiance over the pixels that show a surface in the reference, and over the three
 /// channels, relative to the mean of the reference over the same.
 ///
-/// Pixels are linear RGB and the share that shows a surface. Without surfaces 0; against a black reference 0 for a
-/// black picture and infinite for any other.
+/// Pixels are linear RGB and the share that shows a surface. Without surfaces 0; against a black reference 0
+/// for a black picture and infinite for any other.
 ///
 /// # Panics
 /// When the pictures are not of one size.
@@ -27,9 +27,9 @@ pub fn relative_rms(reference: &[[f32; 4]], test: &[[f32; 4]]) -> f64 {
     if sum > 0.0 { (squares / count as f64).sqrt() / (sum / count as f64) } else { f64::INFINITY }
 }
 
-/// Mean FLIP over the pixels that show a surface in the reference; pixels as for [`relative_rms`], in rows of `width`.
-/// Both pictures are mapped to 8-bit sRGB by the one tone curve that suits the reference: curves of their own would
-/// hide differences of brightness. Without surfaces 0.
+/// Mean FLIP over the pixels that show a surface in the reference; pixels as for [`relative_rms`], in rows of
+/// `width`. Both pictures are mapped to 8-bit sRGB by the one tone curve that suits the reference: curves of
+/// their own would hide differences of brightness. Without surfaces 0.
 ///
 /// # Panics
 /// When the pictures are not of one size or `width` does not divide it.

@@ -15,7 +15,8 @@ pub const OF_PICTURES: [Measure; 2] = [
     Measure { key: "flip", name: "image error (FLIP)", ranked: true },
 ];
 
-/// Numbers of lights of the pictures unless others are asked for: powers of four, as each is a picture to be drawn.
+/// Numbers of lights of the pictures unless others are asked for: powers of four, as each is a picture to be
+/// drawn.
 pub const COUNTS: [usize; 4] = [4, 16, 64, 256];
 
 /// Size of the maps: the reference has a light for every pixel.
@@ -27,15 +28,15 @@ pub const SIZE: [u32; 2] = [160, 120];
 /// The most lights of a picture, each of which has a shadow map.
 pub const MOST_LIGHTS: usize = pictures::COUNTS[pictures::COUNTS.len() - 1];
 
-/// Settings of pictures of at most so many lights, a shadow map for every one, and at least 256: the reference is drawn in
-/// passes of so many. No more than that: a driver in software clears all of them for every picture, and some versions of
-/// Mesa's never give back memory that grows with their number.
+/// Settings of pictures of at most so many lights, a shadow map for every one, and at least 256: the
+/// reference is drawn in passes of so many. No more than that: a driver in software clears all of them for
+/// every picture, and some versions of Mesa's never give back memory that grows with their number.
 pub fn options(lights: usize) -> render::Options {
     pictures::options(SIZE, lights.max(256))
 }
 
-/// All methods with so many lights, at most [`MOST_LIGHTS`]. `goes_on` is asked after every picture and while the
-/// reference is drawn, `None` when it says no; `row_done` is called after every row.
+/// All methods with so many lights, at most [`MOST_LIGHTS`]. `goes_on` is asked after every picture and while
+/// the reference is drawn, `None` when it says no; `row_done` is called after every row.
 ///
 /// # Errors
 /// Those of the device, and of [`timed_list`].
@@ -91,7 +92,8 @@ mod tests {
         assert_eq!((table.rows.len(), done), (2 * METHODS.len(), 2 * METHODS.len()));
         let of = |lights| table.rows.iter().find(|row| row.method == OURS && row.lights == lights).unwrap();
         assert!(of(64).values[0] < 0.5 * of(4).values[0] && of(64).values[1] < of(4).values[1], "{table:?}");
-        // The reference has eight passes; nothing is kept of a table that is stopped in one of them, or later.
+        // The reference has eight passes; nothing is kept of a table that is stopped in one of them, or
+        // later.
         for limit in [0, 3, 8, 10] {
             let asked = std::cell::Cell::new(0);
             let goes_on = || asked.replace(asked.get() + 1) < limit;

@@ -31,7 +31,7 @@ pub struct Figures {
     pub frame: Duration,
 }
 
-/// A scene under a map, with so many lights.
+/// A scene under a map, with one number of lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// Lights.
@@ -51,9 +51,9 @@ pub struct Measured {
     pub rows: Vec<Row>,
 }
 
-/// Sizes and shadow maps of the pictures; all else is as `lightcast render` has it, but that glossy surfaces have no
-/// longer list (set L): N lights are all there is. Fewer shadow maps than lights leave an error that no number of
-/// lights takes away.
+/// Sizes and shadow maps of the pictures; all else is as `lightcast render` has it, but that glossy surfaces
+/// have no longer list (set L): N lights are all there is. Fewer shadow maps than lights leave an error that
+/// no number of lights takes away.
 pub fn options(size: [u32; 2], shadow_maps: usize) -> render::Options {
     render::Options {
         width_px: size[0],
@@ -81,9 +81,9 @@ impl Pictures {
         Ok(Self { timed: Timed::new(gpu, scene, options)?, reference: Vec::new(), picture: Vec::new() })
     }
 
-    /// Errors against the picture that has every pixel of `map` as a light with a shadow map of its own, and frame
-    /// times. The samplers take turns, so that what else the machine does meets both. `progress` is called with the
-    /// share of the reference that is drawn, which takes most of the time.
+    /// Errors against the picture that has every pixel of `map` as a light with a shadow map of its own, and
+    /// frame times. The samplers take turns, so that what else the machine does meets both. `progress` is
+    /// called with the share of the reference that is drawn, which takes most of the time.
     ///
     /// # Errors
     /// Those of the device, and of [`Extractor::new`].
@@ -106,9 +106,9 @@ impl Pictures {
         Ok(rows)
     }
 
-    /// Draws the picture that has every pixel of `map` as a light with a shadow map of its own, which later ones are
-    /// compared with. `goes_on` is asked again and again, with the share that is drawn. Returns whether it never said no
-    /// and the reference is there.
+    /// Draws the picture that has every pixel of `map` as a light with a shadow map of its own, which later
+    /// ones are compared with. `goes_on` is asked again and again, with the share that is drawn. Returns
+    /// whether it never said no and the reference is there.
     ///
     /// # Errors
     /// Those of the device.
@@ -172,7 +172,8 @@ pub fn means<'a>(measured: impl Iterator<Item = &'a Measured> + Clone) -> Vec<Ro
     means
 }
 
-/// Lines for rows under a title, header first; above it the adapter, as [`heading`](super::frame_time::heading) has it.
+/// Lines for rows under a title, header first; above it the adapter, as
+/// [`heading`](super::frame_time::heading) has it.
 pub fn lines(adapter: &str, title: &str, rows: &[Row]) -> Vec<String> {
     let [first, second] = SAMPLERS.map(|(name, _)| format!("{name:^28}"));
     let columns = format!("{:>9} {:>9} {:>8}", "RMS", "FLIP", "ms");
@@ -190,8 +191,8 @@ pub fn lines(adapter: &str, title: &str, rows: &[Row]) -> Vec<String> {
     lines
 }
 
-/// Geometric means against the number of lights: RMS and FLIP over everything, then RMS over the scenes under each map.
-/// `title` says what the pictures are.
+/// Geometric means against the number of lights: RMS and FLIP over everything, then RMS over the scenes under
+/// each map. `title` says what the pictures are.
 pub fn plot(title: &str, measured: &[Measured]) -> Plot {
     let panel = |title: String, y_label: &str, rows: Vec<Row>, pick: fn(&Figures) -> f64| Panel {
         title,

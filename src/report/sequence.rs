@@ -1,10 +1,12 @@
-//! Steadiness of lights over time: the garden and the hall of METHODS section 7, 40 frames of 360 x 90 hemispheres
-//! each, 128 lights, before and after the FIR; and any other sequence of maps with any number of lights.
+//! Steadiness of lights over time: the garden and the hall of METHODS section 7, 40 frames of 360 x 90
+//! hemispheres each, 128 lights, before and after the FIR; and any other sequence of maps with any number of
+//! lights.
 //!
-//! What is compared are irradiances at 200 places: the ground beside a sphere, in 10 x 10 cells of 6 x 6 points, and
-//! 100 normals. After the filter a list is judged against the irradiances of the maps passed through the same taps;
-//! irradiance is linear in the map, so this is the irradiance of the filtered map. The first filtered frames, as many
-//! as the filter's order (8 at 25 frames per second), are left out: they still see the repetitions of the first.
+//! What is compared are irradiances at 200 places: the ground beside a sphere, in 10 x 10 cells of 6 x 6
+//! points, and 100 normals. After the filter a list is judged against the irradiances of the maps passed
+//! through the same taps; irradiance is linear in the map, so this is the irradiance of the filtered map. The
+//! first filtered frames, as many as the filter's order (8 at 25 frames per second), are left out: they still
+//! see the repetitions of the first.
 
 use super::filtered_truth::filtered;
 use super::sequence_maps::{garden_frame, hall_frame};
@@ -29,12 +31,13 @@ const FRAME_RATE_HZ: f64 = 25.0;
 /// How far lists are from the truth over a sequence, and how unsteadily.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// RMS of (value - reference) over frames and places, relative to the mean reference; 0 where both are dark.
+    /// RMS of (value - reference) over frames and places, relative to the mean reference; 0 where both are
+    /// dark.
     pub error: f64,
     /// RMS of the second time difference of (value - reference), relative to the mean reference.
     pub flicker: f64,
-    /// Angle that a light moves from one frame to the next, over all lights and frames: median, 99th percentile,
-    /// maximum, in degrees.
+    /// Angle that a light moves from one frame to the next, over all lights and frames: median, 99th
+    /// percentile, maximum, in degrees.
     pub motion_deg: [f64; 3],
 }
 
@@ -71,8 +74,8 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// The garden: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column 20 - t in frame
-    /// t; its sun crosses phi = 0 in frame 20. `goes_on` as of [`Self::from_maps`].
+    /// The garden: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column 20 - t in
+    /// frame t; its sun crosses phi = 0 in frame 20. `goes_on` as of [`Self::from_maps`].
     ///
     /// # Errors
     /// Kind `Usage` for a map of another shape than [`SHAPE`].
@@ -81,9 +84,9 @@ impl Sequence {
         Self::new(|t| garden_frame(map, t), goes_on)
     }
 
-    /// The hall: `map` (`dancing_hall_1k`), whose pixels in columns 71-149 above its 97th percentile of luminance
-    /// are multiplied by `1 + 0.5 sin(2 pi 0.38 t)` in frame t: lamps that flicker at 9.5 Hz. `goes_on` as of
-    /// [`Self::from_maps`].
+    /// The hall: `map` (`dancing_hall_1k`), whose pixels in columns 71-149 above its 97th percentile of
+    /// luminance are multiplied by `1 + 0.5 sin(2 pi 0.38 t)` in frame t: lamps that flicker at 9.5 Hz.
+    /// `goes_on` as of [`Self::from_maps`].
     ///
     /// # Errors
     /// Kind `Usage` for a map of another shape than [`SHAPE`].
@@ -97,7 +100,8 @@ impl Sequence {
         Self::from_maps(maps, goes_on)
     }
 
-    /// The fewest frames that a sequence at this rate needs for all its figures: the filter's order and three more.
+    /// The fewest frames that a sequence at this rate needs for all its figures: the filter's order and three
+    /// more.
     ///
     /// # Errors
     /// Kind `Usage` for a frame rate without a filter (see [`low_pass`]).
@@ -105,13 +109,13 @@ impl Sequence {
         Ok(low_pass(frame_rate_hz, &FilterOptions::default())?.order() + 3)
     }
 
-    /// Any maps of one shape, in the order of their stamps, whose frame rate decides on the filter; what a stamp
-    /// says is lost is held, as the filter does. Works out the truth, about a tenth of a second a map; `None` when
-    /// `goes_on`, which is asked after every map, says no.
+    /// Any maps of one shape, in the order of their stamps, whose frame rate decides on the filter; what a
+    /// stamp says is lost is held, as the filter does. Works out the truth, about a tenth of a second a map;
+    /// `None` when `goes_on`, which is asked after every map, says no.
     ///
     /// # Errors
-    /// Kind `Usage` for maps of different shapes, for fewer than [`Self::least_frames`], and for a frame rate without a
-    /// filter (see [`low_pass`]).
+    /// Kind `Usage` for maps of different shapes, for fewer than [`Self::least_frames`], and for a frame rate
+    /// without a filter (see [`low_pass`]).
     pub fn from_maps(maps: Vec<PolarMap>, goes_on: &dyn Fn() -> bool) -> Result<Option<Self>> {
         let frame_rate_hz = maps.first().map_or(0.0, |map| map.stamp.frame_rate_hz);
         if maps.iter().any(|map| map.shape != maps[0].shape || map.pixels.len() != map.shape.len()) {
@@ -148,8 +152,8 @@ impl Sequence {
         self.start_up > 0
     }
 
-    /// Extracts, filters and measures `count` lights, and takes the time. `None` when `goes_on`, which is asked after
-    /// every list, says no.
+    /// Extracts, filters and measures `count` lights, and takes the time. `None` when `goes_on`, which is
+    /// asked after every list, says no.
     ///
     /// # Errors
     /// Those of the extractor and the filter.

@@ -4,8 +4,8 @@ use lightcast_core::image::PolarMap;
 use lightcast_core::math::{percentile, zone_solid_angle};
 use std::f64::consts::TAU;
 
-/// The garden in frame t: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column 20 - t.
-/// Its sun crosses phi = 0 in frame 20.
+/// The garden in frame t: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column
+/// 20 - t. Its sun crosses phi = 0 in frame 20.
 pub(super) fn garden_frame(map: &PolarMap, t: usize) -> PolarMap {
     let columns = map.shape.columns();
     // What stands at column 20 - t afterwards stood at the brightest column before.
@@ -13,8 +13,8 @@ pub(super) fn garden_frame(map: &PolarMap, t: usize) -> PolarMap {
     PolarMap::from_fn(map.shape, |row, column| map.pixels[row * columns + (column + turn) % columns])
 }
 
-/// The hall in frame t: `map` (`dancing_hall_1k`), whose pixels in columns 71-149 above its 97th percentile of
-/// luminance are multiplied by `1 + 0.5 sin(2 pi 0.38 t)`: at 25 frames/s lamps that flicker at 9.5 Hz.
+/// The hall in frame t: `map` (`dancing_hall_1k`), whose pixels in columns 71-149 above its 97th percentile
+/// of luminance are multiplied by `1 + 0.5 sin(2 pi 0.38 t)`: at 25 frames/s lamps that flicker at 9.5 Hz.
 pub(super) fn hall_frame(map: &PolarMap, t: usize) -> PolarMap {
     let luminance = |i: usize| f64::from(map.luminance(i / map.shape.columns(), i % map.shape.columns()));
     let mut luminances: Vec<f64> = (0..map.shape.len()).map(luminance).collect();
@@ -65,7 +65,8 @@ mod tests {
         let lamp = |t: usize| hall_frame(&map, t).pixels[3 * 360 + 100][0];
         for t in 0..8 {
             let gain = 1.0 + 0.5 * (TAU * 0.38 * t as f64).sin();
-            // 8 of 90 rows are more than 3 %, so the threshold is the lamps' own luminance: nothing is above it.
+            // 8 of 90 rows are more than 3 %, so the threshold is the lamps' own luminance: nothing is above
+            // it.
             assert_eq!(lamp(t), 10.0);
             let few = PolarMap::from_fn(SHAPE, |row, _| if row < 2 { [10.0; 3] } else { [1.0; 3] });
             let frame = hall_frame(&few, t);

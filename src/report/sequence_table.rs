@@ -21,9 +21,9 @@ pub struct Row {
 }
 
 impl Row {
-    /// Largest of error, flicker and motion p99 before and error and flicker after the filter, each relative to what
-    /// is published. The published figures are rounded to their last digit (0.0001, 1 or 0.1 degrees), so half of
-    /// that is granted first.
+    /// Largest of error, flicker and motion p99 before and error and flicker after the filter, each relative
+    /// to what is published. The published figures are rounded to their last digit (0.0001, 1 or 0.1
+    /// degrees), so half of that is granted first.
     pub fn worst_ratio(&self) -> f64 {
         let (Row { measured: BeforeAndAfter { before, after, .. }, published, .. }, half) = (self, 0.00005);
         let motion_half = if published.motion_p99_deg < 10.0 { 0.05 } else { 0.5 };
@@ -48,9 +48,9 @@ impl Row {
     }
 }
 
-/// The rows of one of METHODS' sequences, `garden` or `hall`: figures of [`LIGHTS`] lights, those that `known` has, which
-/// are of the same sequence, and others measured now. `None` when `goes_on` says no. About five seconds where nothing is
-/// known.
+/// The rows of one of METHODS' sequences, `garden` or `hall`: figures of [`LIGHTS`] lights, those that
+/// `known` has, which are of the same sequence, and others measured now. `None` when `goes_on` says no. About
+/// five seconds where nothing is known.
 ///
 /// # Errors
 /// Those of [`Sequence::measure`].
@@ -79,9 +79,9 @@ pub fn rows(
 /// How far above the published figures a row may lie.
 pub const LIMIT: f64 = 1.15;
 
-/// Lines of two tables. The first has every light as a direction, with the published figures in brackets and whether
-/// the row keeps [`LIMIT`]; the second has shadows softened by the lights' spread, with the goals of adaptive lights in
-/// brackets and whether they are reached.
+/// Lines of two tables. The first has every light as a direction, with the published figures in brackets and
+/// whether the row keeps [`LIMIT`]; the second has shadows softened by the lights' spread, with the goals of
+/// adaptive lights in brackets and whether they are reached.
 pub fn lines(rows: &[Row]) -> Vec<String> {
     let heading = |title: &str| {
         format!(
@@ -175,8 +175,8 @@ mod tests {
         for (row, line) in rows.iter().zip(&lines[1..]) {
             let mut row = *row;
             if (row.sequence, row.method) == ("garden", SequenceMethod::Paper) {
-                // Where a light of the inverse transform hops to when a sun crosses the seam hangs on details that
-                // METHODS leaves open: 24 degrees instead of 18. Error and flicker keep the limit.
+                // Where a light of the inverse transform hops to when a sun crosses the seam hangs on details
+                // that METHODS leaves open: 24 degrees instead of 18. Error and flicker keep the limit.
                 assert!(row.measured.before.motion_deg[1] < 25.0, "{line}");
                 row.measured.before.motion_deg[1] = 0.0;
             }

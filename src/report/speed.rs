@@ -85,8 +85,8 @@ fn lights_of(lights: &[Light], options: &Options) -> usize {
     high.len()
 }
 
-/// What regions gain: in lights that a pixel looks at, in time, and the difference of the pictures. `gpu` opens a
-/// device.
+/// What regions gain: in lights that a pixel looks at, in time, and the difference of the pictures. `gpu`
+/// opens a device.
 ///
 /// # Errors
 /// Those of the device.
@@ -127,8 +127,8 @@ pub fn clustering_rows(gpu: impl Fn() -> Result<Gpu>, map: &PolarMap) -> Result<
     Ok(rows)
 }
 
-/// How much quicker a row is than another; of the shading pass too, or where that is not measured of what is left of
-/// the frame without shadow maps and surfaces.
+/// How much quicker a row is than another; of the shading pass too, or where that is not measured of what is
+/// left of the frame without shadow maps and surfaces.
 fn gain(slow: &Row, quick: &Row) -> String {
     let ratio = |slow: Duration, quick: Duration| slow.as_secs_f64() / quick.as_secs_f64().max(1e-9);
     let frame = format!("{:.2} times less", ratio(slow.time.frame, quick.time.frame));

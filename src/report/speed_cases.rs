@@ -65,8 +65,8 @@ pub struct Lights {
 }
 
 impl Lights {
-    /// `count` lights as `run` makes them by default, from a first frame; the first `head_count`, which the others join,
-    /// light everything, and the error is theirs.
+    /// `count` lights as `run` makes them by default, from a first frame; the first `head_count`, which the
+    /// others join, light everything, and the error is theirs.
     ///
     /// # Errors
     /// As [`Extractor::new`].
@@ -166,8 +166,8 @@ pub fn growth(map: &PolarMap) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// The settings of the paper's section 6 and of its figure 7, with the published figures of METHODS section 11; the
-/// paper has hard shadows.
+/// The settings of the paper's section 6 and of its figure 7, with the published figures of METHODS section
+/// 11; the paper has hard shadows.
 ///
 /// # Errors
 /// As [`Extractor::new`].

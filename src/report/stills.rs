@@ -9,11 +9,11 @@ use lightcast_core::light::error::ListError;
 use lightcast_core::light::measure::{Errors, Reference};
 use std::time::{Duration, Instant};
 
-/// Extractions of which the median time is reported: at least so many, ...
+/// The fewest extractions of which the median time is reported.
 const LEAST_RUNS: usize = 3;
-/// ... at most so many, ...
+/// The most extractions that are timed.
 const MOST_RUNS: usize = 25;
-/// ... and no more once they have taken so long together.
+/// Once the extractions have taken this long together, none is added.
 const BUDGET: Duration = Duration::from_millis(100);
 
 /// How many times the published figure a mean may be.
@@ -36,8 +36,8 @@ pub struct Row {
     pub time: Duration,
 }
 
-/// The list of `count` lights by which a method is judged, and the median time of one extraction with its own estimate of
-/// its error.
+/// The list of `count` lights by which a method is judged, and the median time of one extraction with its own
+/// estimate of its error.
 ///
 /// # Errors
 /// Those of [`StillMethod::extractor`].
@@ -53,8 +53,8 @@ pub fn timed_list(method: &StillMethod, map: &PolarMap, count: usize) -> Result<
     Ok((judged.list, time))
 }
 
-/// Measures all methods on one map with so many lights. `goes_on` is asked after every row; when it says no, the rows
-/// until then are all.
+/// Measures all methods on one map with so many lights. `goes_on` is asked after every row; when it says no,
+/// the rows until then are all.
 ///
 /// # Errors
 /// Those of [`StillMethod::extractor`].
@@ -96,8 +96,8 @@ fn median_time(mut run: impl FnMut()) -> Duration {
     times[times.len() / 2]
 }
 
-/// Geometric means of the errors of rows with the same method and number of lights, in the order of [`METHODS`] and
-/// [`COUNTS`]. An error of zero makes its mean zero.
+/// Geometric means of the errors of rows with the same method and number of lights, in the order of
+/// [`METHODS`] and [`COUNTS`]. An error of zero makes its mean zero.
 pub fn means(rows: &[Row]) -> Vec<(StillMethod, usize, Errors)> {
     let mut means = Vec::new();
     for method in METHODS {
@@ -128,7 +128,9 @@ pub fn geometric_mean(values: impl IntoIterator<Item = f64>) -> f64 {
     if count == 0 { 0.0 } else { (sum / count as f64).exp() }
 }
 
-/// Lines for the geometric means over the maps of [`are_published`](crate::compare::still_methods::are_published), header first, the published figures in brackets.
+/// Lines for the geometric means over the maps of
+/// [`are_published`](crate::compare::still_methods::are_published), header first, the published figures in
+/// brackets.
 pub fn mean_lines(rows: &[Row]) -> Vec<String> {
     let title = format!("geometric means over {} maps", PUBLISHED_MAPS.len());
     let mut lines =

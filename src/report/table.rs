@@ -74,8 +74,9 @@ impl Table {
         Self { name, command, notes: String::new(), measures, rows, ours }
     }
 
-    /// Geometric means of times and ranked measures over tables of the same measures; `None` for none. A value of zero
-    /// makes its mean zero. Of other measures there is no mean. A note that all tables have is the means' too.
+    /// Geometric means of times and ranked measures over tables of the same measures; `None` for none. A
+    /// value of zero makes its mean zero. Of other measures there is no mean. A note that all tables have is
+    /// the means' too.
     pub fn mean(name: String, command: String, tables: &[Self]) -> Option<Self> {
         let first = tables.first()?;
         let mut rows = Vec::new();

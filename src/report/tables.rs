@@ -20,8 +20,8 @@ pub const OF_MAPS: [Measure; 5] = [
     Measure { key: "power_difference", name: "power off by", ranked: false },
 ];
 
-/// What is measured on sequences, shadows softened by the lights' spread where it does not say hard; motion is the angle
-/// that a light moves from one frame to the next.
+/// What is measured on sequences, shadows softened by the lights' spread where it does not say hard; motion
+/// is the angle that a light moves from one frame to the next.
 pub const OF_SEQUENCES: [Measure; 10] = [
     Measure { key: "error", name: "error", ranked: true },
     Measure { key: "flicker", name: "flicker", ranked: true },
@@ -89,8 +89,8 @@ pub struct Measured {
     pub timed: Timed,
 }
 
-/// All methods on one sequence, and what the rows were made of. `goes_on` is asked after every frame, `None` when it says
-/// no; `row_done` is called after every row.
+/// All methods on one sequence, and what the rows were made of. `goes_on` is asked after every frame, `None`
+/// when it says no; `row_done` is called after every row.
 ///
 /// # Errors
 /// Those of [`Sequence::measure`].

@@ -29,9 +29,9 @@ const MAX_PREFIX_ERRORS: usize = 64;
 
 /// The part of a message that all clients of a list share: every byte from 48 on.
 ///
-/// An error that was not measured is sent as 0. Numbers that cannot be sent are replaced: NaN, infinity and what is negative as 0, irradiances above
-/// 1e30 and powers above 1e36 as these, spreads above pi as pi; a direction that is none is sent as +Y. What this gives,
-/// [`decode`] takes.
+/// An error that was not measured is sent as 0. Numbers that cannot be sent are replaced: NaN, infinity and
+/// what is negative as 0, irradiances above 1e30 and powers above 1e36 as these, spreads above pi as pi; a
+/// direction that is none is sent as +Y. What this gives, [`decode`] takes.
 ///
 /// # Errors
 /// A light whose id is above 65,535; two lights of one id; more than [`MAX_LIGHTS`] lights or 64 prefix

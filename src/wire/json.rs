@@ -23,7 +23,8 @@ pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
 /// Takes a message apart.
 ///
 /// # Errors
-/// Those of [`read_list`](super::read_list); a `stream` that is missing or wrong; more than [`MESSAGE_MAX_BYTES`].
+/// Those of [`read_list`](super::read_list); a `stream` that is missing or wrong; more than
+/// [`MESSAGE_MAX_BYTES`].
 pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     if bytes.len() > MESSAGE_MAX_BYTES {
         return Err(Error::failed(format!("has more than {MESSAGE_MAX_BYTES} bytes: no list has")));

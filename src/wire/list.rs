@@ -25,8 +25,8 @@ struct Written<'a> {
     lights: &'a [Light],
 }
 
-/// What an object must hold. Unknown keys are let pass: later versions may say more. The stamp's keys stand here one by one
-/// because a flattened `Stamp` would have serde keep the values of all unknown keys.
+/// What an object must hold. Unknown keys are let pass: later versions may say more. The stamp's keys stand
+/// here one by one because a flattened `Stamp` would have serde keep the values of all unknown keys.
 #[derive(Deserialize)]
 struct Read<S> {
     version: u32,
@@ -74,13 +74,13 @@ pub fn write_list_line(list: &LightList, mut writer: impl io::Write) -> io::Resu
     writer.write_all(b"\n")
 }
 
-/// Makes `list` what a JSON object says, as [`write_list`] writes it; keys that are unknown are passed over. Without a
-/// `power` that of the lights is taken.
+/// Makes `list` what a JSON object says, as [`write_list`] writes it; keys that are unknown are passed over.
+/// Without a `power` that of the lights is taken.
 ///
 /// # Errors
-/// With the column: no JSON, a key that is missing, another version; with the number of the light: directions that
-/// are no unit vectors, irradiances that are negative, not finite or above 1e30; errors that are negative or not
-/// finite. The list is then as it was.
+/// With the column: no JSON, a key that is missing, another version; with the number of the light: directions
+/// that are no unit vectors, irradiances that are negative, not finite or above 1e30; errors that are
+/// negative or not finite. The list is then as it was.
 pub fn read_list(text: &[u8], list: &mut LightList) -> Result<()> {
     read_list_with::<IgnoredAny>(text, list).map(|_| ())
 }

@@ -1,7 +1,8 @@
 //! Messages between the server and its clients, as text and as bytes (`docs/protocol.md`).
 //!
-//! The server sends one list a message: in the subprotocol [`JSON`] the list as [`write_list`] writes it with one key
-//! more, `stream`; in [`BINARY`] the layout of [`binary`]. What a client asks for is a [`Subscription`].
+//! The server sends one list a message: in the subprotocol [`JSON`] the list as [`write_list`] writes it with
+//! one key more, `stream`; in [`BINARY`] the layout of [`binary`]. What a client asks for is a
+//! [`Subscription`].
 
 pub mod binary;
 pub mod json;
@@ -24,8 +25,8 @@ pub const JSON: &str = "lightcast.v1.json";
 pub const BINARY: &str = "lightcast.v1.bin";
 /// Most bytes of a message from a client; the longest that is of use has a hundred.
 pub const DEMAND_MAX_BYTES: usize = 4096;
-/// Most bytes of a message to a client: [`lightcast_core::light::MAX_LIGHTS`] lights of some 150 bytes each, twice
-/// over.
+/// Most bytes of a message to a client: [`lightcast_core::light::MAX_LIGHTS`] lights of some 150 bytes each,
+/// twice over.
 pub const MESSAGE_MAX_BYTES: usize = 1 << 23;
 
 /// What every message says beside its list: when, and what the client has missed. Monotonic times are those

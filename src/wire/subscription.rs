@@ -90,8 +90,8 @@ impl Subscription {
             .map_or(most, |&(count, _)| most.min(count as usize))
     }
 
-    /// Whether a list of this `stamp` is due where the next one is at `due_ns` (`None`: the first), and then when the next
-    /// one is.
+    /// Whether a list of this `stamp` is due where the next one is at `due_ns` (`None`: the first), and then
+    /// when the next one is.
     pub fn due_after(&self, due_ns: Option<i64>, stamp: &Stamp) -> Option<Option<i64>> {
         let Some(rate_hz) = self.rate_hz else { return Some(None) };
         let period_ns = (1e9 / rate_hz) as i64;
@@ -102,7 +102,8 @@ impl Subscription {
                 let rate_hz = stamp.frame_rate_hz;
                 let half_frame_ns = if rate_hz > 0.0 { (5e8 / rate_hz) as i64 } else { 0 };
                 let until_ns = due_ns.saturating_sub(time_ns);
-                // Times that ran back, by a clock that was set or a source that began anew, are not waited for.
+                // Times that ran back, by a clock that was set or a source that began anew, are not waited
+                // for.
                 if until_ns > half_frame_ns.min(period_ns / 2) && until_ns <= period_ns.saturating_mul(2) {
                     return None;
                 }

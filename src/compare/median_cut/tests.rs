@@ -33,7 +33,8 @@ fn check_tiling(case: &str, map: &PolarMap, rectangles: &[Rectangle]) {
 
 #[test]
 fn regions_of_a_smooth_map_are_even_in_energy() {
-    // Fine pixels and a sky that brightens smoothly towards one side: each of six cuts can only be off by half a slice.
+    // Fine pixels and a sky that brightens smoothly towards one side: each of six cuts can only be off by
+    // half a slice.
     let shape = PolarShape::hemisphere(1440, 720);
     let map = PolarMap::from_fn(shape, |row, column| {
         let direction = shape.pixel_direction(row, column);
@@ -52,7 +53,8 @@ fn regions_of_a_smooth_map_are_even_in_energy() {
 
 #[test]
 fn a_constant_map_gives_even_rectangles() {
-    // As seen at its middle, this map is 4.3 rad wide and 1.5 rad high: two cuts across the azimuth come first.
+    // As seen at its middle, this map is 4.3 rad wide and 1.5 rad high: two cuts across the azimuth come
+    // first.
     let shape = PolarShape::new(320, 5, 1.5).unwrap();
     for map in [PolarMap::from_fn(shape, |_, _| [3.0; 3]), PolarMap::black(shape)] {
         // In the order of the cuts: the first 2^k lie in different regions of round k.
@@ -110,8 +112,8 @@ fn lights_are_the_power_of_their_regions() {
     }
 }
 
-/// The finding of Viriyothai and Debevec (2009): median cut cuts through the brightest source, as an even division of
-/// energy must, and their method does not.
+/// The finding of Viriyothai and Debevec (2009): median cut cuts through the brightest source, as an even
+/// division of energy must, and their method does not.
 #[test]
 fn cuts_go_through_the_brightest_source_where_variance_minimisation_spares_it() {
     // A sun of 4 x 4 pixels with nearly all of the light.

@@ -49,7 +49,7 @@ fn plain_power(panorama: &Frame) -> f64 {
     f64::from(plain_paper::power(&as_map(panorama, |value| value)))
 }
 
-/// Samples that are no radiance: the light of the others is kept.
+/// Samples that cannot be radiance (NaN, infinite, negative): the light of the others is kept.
 fn of_sample(case: &'static str, input: &'static str, panorama: &Frame) -> Result<Row> {
     let lawful = |value: f32| if value.is_finite() && value >= 0.0 { value } else { 0.0 };
     Ok(row(
@@ -61,8 +61,8 @@ fn of_sample(case: &'static str, input: &'static str, panorama: &Frame) -> Resul
     ))
 }
 
-/// A sample of 1e5, which no half float holds, through files of half floats: one that is recorded here, in which it is the
-/// largest there is, and one that is written without a look, in which it is infinity.
+/// A sample of 1e5, which no half float holds, through files of half floats: one that is recorded here, in
+/// which it is the largest there is, and one that is written without a look, in which it is infinity.
 fn half_floats() -> Result<[Row; 2]> {
     let case = "half-float overflow";
     let panorama = ones_but(1e5);

@@ -1,4 +1,4 @@
-//! Hard maps: power, direction, numbers that are none.
+//! Hard maps: power, direction, NaN and infinity.
 
 use super::super::plain_paper;
 use super::{Bound, Case, Row, row};

@@ -29,7 +29,8 @@ impl Both {
         Ok(Self { ours, plain: None, filtered: ReferencedList::default() })
     }
 
-    /// Direction and power that leave, ours and plain, when these come in at a time in frames, after `lost` lost ones.
+    /// Direction and power that leave, ours and plain, when these come in at a time in frames, after `lost`
+    /// lost ones.
     fn step(
         &mut self,
         direction: [f32; 3],

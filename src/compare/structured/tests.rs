@@ -63,8 +63,8 @@ fn samples_are_in_proportion_to_importance_and_no_more_than_pixels() {
 
 #[test]
 fn samples_lie_at_least_as_far_apart_as_any_pixel_from_its_nearest() {
-    // What makes the farthest-point rule a 2-approximation: no set of as many can cover the component with half of
-    // that distance, as two of these points and one further pixel would share one of its discs.
+    // What makes the farthest-point rule a 2-approximation: no set of as many can cover the component with
+    // half of that distance, as two of these points and one further pixel would share one of its discs.
     let map = PolarMap::from_fn(PolarShape::hemisphere(144, 36), |_, _| [1.0; 3]);
     let mut radii = Vec::new();
     for count in [16, 64, 256] {
@@ -104,8 +104,9 @@ fn hard_maps_have_no_more_samples_than_pixels_and_a_stratum_for_each_pixel() {
     }
 }
 
-/// The paper's finding: less error than importance sampling by plain inversion, with as many samples. It is about diffuse
-/// surfaces and shadows, of which that holds on every map; of gloss it holds on all but two with 64 lights.
+/// The paper's finding: less error than importance sampling by plain inversion, with as many samples. It is
+/// about diffuse surfaces and shadows, of which that holds on every map; of gloss it holds on all but two
+/// with 64 lights.
 #[test]
 fn real_maps_have_less_error_than_by_plain_inversion() {
     let shape = PolarShape::hemisphere(360, 90);

@@ -88,8 +88,8 @@ fn who_stops_a_measurement_is_heard_at_every_frame() {
         let map = PolarMap::from_fn(PolarShape::hemisphere(12, 4), |row, column| [(row + column) as f32; 3]);
         vec![map; 12]
     };
-    // What the stamps of 0 Hz say is not filtered: the truth of 12 maps, and then for each as many questions again when
-    // lights are made and in each of the four kinds of figures.
+    // What the stamps of 0 Hz say is not filtered: the truth of 12 maps, and then for each as many questions
+    // again when lights are made and in each of the four kinds of figures.
     let sequence = Sequence::from_maps(maps(), &|| true).unwrap().unwrap();
     for limit in 0..60 {
         let asked = std::cell::Cell::new(0);

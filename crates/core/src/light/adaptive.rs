@@ -1,18 +1,22 @@
-//! Lights for sequences that need no switch: persistent ones, dominant peaks apart, idle ones moved to where they help.
+//! Lights for sequences that need no switch: persistent ones, dominant peaks apart, idle ones moved to where
+//! they help.
 //!
-//! A slot of the list is a *site*, whose cell of the map is its light, or a *peak*, or it rests and has no power. Sites
-//! are the last frame's light directions (METHODS section 6, persistent lights): frame by frame they relax, as Lloyd's
-//! steps do. A peak that appears takes the slot of the site nearest to it, which held its light so far; where it is gone
-//! the slot is a site again, in its place. So no light is kept for what a scene may not have.
+//! A slot of the list is a *site*, whose cell of the map is its light, or a *peak*, or it rests and has no
+//! power. Sites are the last frame's light directions (METHODS section 6, persistent lights): frame by frame
+//! they relax, as Lloyd's steps do. A peak that appears takes the slot of the site nearest to it, which held
+//! its light so far; where it is gone the slot is a site again, in its place. So no light is kept for what a
+//! scene may not have.
 //!
-//! Relaxation alone ends where it began: after a cut sites crowd where there was light before. In every frame a few
-//! sites may be taken, those that would be missed least, to split the cells that gain most, if the gain is well above
-//! the loss (as in the enhanced LBG algorithm of Patane and Russo 2001). In the currency of both, the *distortion* of a
-//! cell of flux F and first moment V is `F - |V|`, the integral of `1 - cos a`, a the angle from its light. They move
-//! together, after a cut or whatever else makes several moves worth while: a light that hands over its power shows for as
-//! long as the filter is, if faintly, and a scene that goes on as it was is better left as it is.
+//! Relaxation alone ends where it began: after a cut sites crowd where there was light before. In every frame
+//! a few sites may be taken, those that would be missed least, to split the cells that gain most, if the gain
+//! is well above the loss (as in the enhanced LBG algorithm of Patane and Russo 2001). In the currency of
+//! both, the *distortion* of a cell of flux F and first moment V is `F - |V|`, the integral of `1 - cos a`, a
+//! the angle from its light. They move together, after a cut or whatever else makes several moves worth
+//! while: a light that hands over its power shows for as long as the filter is, if faintly, and a scene that
+//! goes on as it was is better left as it is.
 //!
-//! Where fewer lights are wanted, those that would be missed least rest; they come back to split the widest cells.
+//! Where fewer lights are wanted, those that would be missed least rest; they come back to split the widest
+//! cells.
 
 use super::Light;
 use super::peaks::{Peak, Peaks, Rest, is_a_step};
@@ -23,20 +27,21 @@ use glam::{DVec3, Vec3};
 /// Slots for one that may be moved in a frame, and the most that are.
 const SLOTS_PER_MOVE: usize = 8;
 const MOST_MOVES: usize = 256;
-/// Slots for one of the moves that must be worth while together. A single one among lamps that flicker at 9.5 Hz makes
-/// the filtered lists flicker five times as much for the length of the filter.
+/// Slots for one of the moves that must be worth while together. A single one among lamps that flicker at 9.5
+/// Hz makes the filtered lists flicker five times as much for the length of the filter.
 const SLOTS_PER_LEAST_MOVE: usize = 32;
 
-/// How much less distortion two halves of an even disc have than the whole: their centres are 4 r / 3 pi away from its
-/// own, of a mean square radius of r^2 / 2.
+/// How much less distortion two halves of an even disc have than the whole: their centres are 4 r / 3 pi away
+/// from its own, of a mean square radius of r^2 / 2.
 const SPLIT_GAIN: f64 = 0.36;
 
 /// By how much a move must gain more than it loses.
 const WORTH: f64 = 8.0;
 
-/// How long a slot rests before it may come back elsewhere: longer than the default filter is, whatever the frame rate (a
-/// test of the room `temporal` holds it to that), so that no filtered light is on its way from one place to another. A
-/// filter with a longer delay than the default would let one cross for the rest of its length, with the power that fades.
+/// How long a slot rests before it may come back elsewhere: longer than the default filter is, whatever the
+/// frame rate (a test of the room `temporal` holds it to that), so that no filtered light is on its way from
+/// one place to another. A filter with a longer delay than the default would let one cross for the rest of
+/// its length, with the power that fades.
 pub(crate) const REST_S: f64 = 0.4;
 
 /// Follows one sequence of maps.
@@ -68,7 +73,7 @@ struct Slot {
 enum Role {
     Site,
     Peak,
-    /// For so many frames.
+    /// Holds how many frames it has rested.
     Rest(u64),
 }
 
@@ -95,7 +100,7 @@ impl Adaptive {
         }
     }
 
-    /// From the next frame on, so many lights are to be used, at most as many as there are.
+    /// Sets how many lights are to be used from the next frame on, at most as many as there are slots.
     pub(super) fn want(&mut self, lights: usize) {
         self.wanted = lights;
     }
@@ -107,8 +112,8 @@ impl Adaptive {
 
     /// Writes the lights of the next map, one a slot. Their sum is the RGB power of the map.
     ///
-    /// `seed` fills its vector with a site for each slot; it is asked until a map has light. `shares` sums up, over
-    /// the cells of sites, what peaks leave of the map.
+    /// `seed` fills its vector with a site for each slot; it is asked until a map has light. `shares` sums
+    /// up, over the cells of sites, what peaks leave of the map.
     pub(super) fn step<'a>(
         &mut self,
         map: &PolarMap,
@@ -166,7 +171,8 @@ impl Adaptive {
         }
     }
 
-    /// Takes sites that would be missed least, and splits the widest cells with what has rested, for the next frame.
+    /// Takes sites that would be missed least, and splits the widest cells with what has rested, for the next
+    /// frame.
     fn arrange(&mut self, rest_frames: u64) {
         self.candidates.clear();
         self.candidates.extend(self.site_slots.iter().map(|&slot| {
@@ -200,8 +206,8 @@ impl Adaptive {
         let is_worth = |(spare, wide): &(&Candidate, &Candidate)| {
             SPLIT_GAIN * wide.distortion > WORTH * spare.distortion
         };
-        // A cell that is as wide as most is missed as most are: where nothing has changed the losses, of which each takes
-        // a look at all sites, need not be known.
+        // A cell that is as wide as most is missed as most are: where nothing has changed the losses, of
+        // which each takes a look at all sites, need not be known.
         if fewer == 0 && spare.iter().zip(wide.clone()).take_while(is_worth).count() < least {
             return;
         }
@@ -240,9 +246,9 @@ fn unit(direction: DVec3) -> [f32; 3] {
     direction.as_vec3().to_array()
 }
 
-/// Gives every peak its slot: that of the peak it was, or of the nearest site, or of one that rests where a single site
-/// is left, as the rest of the map needs one. There are at most an eighth as many peaks as slots. Slots whose peak is gone
-/// become sites. `new` is scratch memory.
+/// Gives every peak its slot: that of the peak it was, or of the nearest site, or of one that rests where a
+/// single site is left, as the rest of the map needs one. There are at most an eighth as many peaks as slots.
+/// Slots whose peak is gone become sites. `new` is scratch memory.
 fn follow(slots: &mut [Slot], peaks: &[Peak], new: &mut Vec<usize>) {
     new.clear();
     // A peak has flux: one whose share is empty was not found again yet.
@@ -292,8 +298,8 @@ fn loss(slots: &[Slot], site_slots: &[usize], slot: usize) -> f64 {
     slots[slot].share.luminous_flux() * f64::from(1.0 - nearest).max(0.0)
 }
 
-/// Makes two sites of the cell `wide`, half its spread to either side of its light: that of its slot, and that of the
-/// slot `other` on the side where it was.
+/// Makes two sites of the cell `wide`, half its spread to either side of its light: that of its slot, and
+/// that of the slot `other` on the side where it was.
 fn split(slots: &mut [Slot], wide: &Candidate, other: usize) {
     let (at, from) = (slots[wide.slot].direction_f64(), slots[other].direction_f64());
     let across = at.cross(from).cross(at).try_normalize().unwrap_or_else(|| at.any_orthonormal_vector());

@@ -1,11 +1,11 @@
-//! Clusters of lights with similar directions: fewer shadow maps for a few strong sources (Havran et al. 2005, section
-//! 4.3; METHODS section 8).
+//! Clusters of lights with similar directions: fewer shadow maps for a few strong sources (Havran et al.
+//! 2005, section 4.3; METHODS section 8).
 
 use super::Light;
 use super::refine::Share;
 
-/// The paper's c_f, 1.8 to 1.9: by how much wider than its share of the hemisphere a cluster has to be because discs
-/// do not tile.
+/// The paper's c_f, 1.8 to 1.9: by how much wider than its share of the hemisphere a cluster has to be
+/// because discs do not tile.
 const COVERING_FACTOR: f64 = 1.85;
 
 /// Place of a light in a cluster's list where it has none.
@@ -13,23 +13,24 @@ const NO_CLUSTER: u32 = u32::MAX;
 
 /// Joins `lights` with similar directions to at most `most` lights.
 ///
-/// In the order of the list, the first light that has no cluster yet founds one and gathers all others without one
-/// whose direction is within `epsilon = 1.85 asin(sqrt(2 / most))` of its own: the angle at which `most` clusters
-/// cover a hemisphere (166 degrees for a `most` of 1 and 2, where the sine would pass 1). Lights that cover more than
-/// a hemisphere, or lie awkwardly, can leave some over when `most` clusters stand; those join the cluster whose founder
-/// is nearest, the first of equally near ones. What founds a cluster depends on the order alone, not on powers, and
-/// the order is steady in time; so are the clusters.
+/// In the order of the list, the first light that has no cluster yet founds one and gathers all others
+/// without one whose direction is within `epsilon = 1.85 asin(sqrt(2 / most))` of its own: the angle at which
+/// `most` clusters cover a hemisphere (166 degrees for a `most` of 1 and 2, where the sine would pass 1).
+/// Lights that cover more than a hemisphere, or lie awkwardly, can leave some over when `most` clusters
+/// stand; those join the cluster whose founder is nearest, the first of equally near ones. What founds a
+/// cluster depends on the order alone, not on powers, and the order is steady in time; so are the clusters.
 ///
 /// A cluster becomes one light: powers add, direction and spread are the flux-weighted ones of
-/// [`prefix`](super::prefix()), and the `id` is that of the founder. A cluster of one is that light bit for bit. Lights
-/// without power (no channel above 0) have no cluster. Joining goes by angle also where `lights` are no more than
-/// `most`: a growing budget then never changes the picture at once. A `most` of 0 gives no lights.
+/// [`prefix`](super::prefix()), and the `id` is that of the founder. A cluster of one is that light bit for
+/// bit. Lights without power (no channel above 0) have no cluster. Joining goes by angle also where `lights`
+/// are no more than `most`: a growing budget then never changes the picture at once. A `most` of 0 gives no
+/// lights.
 ///
-/// `clusters` receives the lights in the order of their founders, `places` for each of `lights` its cluster's index,
-/// `u32::MAX` for none. Both are the caller's storage; nothing else is allocated.
+/// `clusters` receives the lights in the order of their founders, `places` for each of `lights` its cluster's
+/// index, `u32::MAX` for none. Both are the caller's storage; nothing else is allocated.
 ///
-/// The paper searches with a tree. This compares every founder with every light: 0.02 ms for 300 lights and 72
-/// clusters, a fiftieth of the published time (`make bench`), so that a tree has nothing left to win.
+/// The paper searches with a tree. This compares every founder with every light: 0.02 ms for 300 lights and
+/// 72 clusters, a fiftieth of the published time (`make bench`), so that a tree has nothing left to win.
 pub fn cluster(lights: &[Light], most: usize, clusters: &mut Vec<Light>, places: &mut Vec<u32>) {
     clusters.clear();
     places.clear();
@@ -59,7 +60,8 @@ pub fn cluster(lights: &[Light], most: usize, clusters: &mut Vec<Light>, places:
             }
         }
     }
-    // Until here each cluster is its founder: directions of founders are what all the others were compared with.
+    // Until here each cluster is its founder: directions of founders are what all the others were compared
+    // with.
     for (place, cluster) in clusters.iter_mut().enumerate() {
         let (mut share, mut count) = (Share::default(), 0);
         for (light, _) in lights.iter().zip(places.iter()).filter(|&(_, &other)| other == place as u32) {

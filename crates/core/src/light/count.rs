@@ -1,25 +1,27 @@
 //! How many lights a scene needs: as many as keep the error below a target, within a budget of time.
 //!
-//! Both are regulated one step at a time with a dead band, so that a scene that stands still keeps its number: what
-//! overshoots is answered in the next frame, what has become too much is given up after half a second of calm, or sooner where
-//! it is far too much.
+//! Both are regulated one step at a time with a dead band, so that a scene that stands still keeps its
+//! number: what overshoots is answered in the next frame, what has become too much is given up after half a
+//! second of calm, or sooner where it is far too much.
 
-/// A step is this part of the lights that are in use. Larger ones the lights that are left would not make up for at once.
+/// A step is this part of the lights that are in use. Larger ones the lights that are left would not make up
+/// for at once.
 const STEPS: usize = 16;
 
-/// From this part of the target or the budget upwards nothing is changed: for two steps, and for a time that swings.
+/// From this part of the target or the budget upwards nothing is changed: for two steps, and for a time that
+/// swings.
 const DEAD_BAND: f64 = 0.85;
 const TIME_DEAD_BAND: f64 = 0.7;
-/// Below this part of the target, which is many steps away, the lights that are left need not be waited for longer
-/// than they take to settle.
+/// Below this part of the target, which is many steps away, the lights that are left need not be waited for
+/// longer than they take to settle.
 const FAR_BELOW: f64 = 0.6;
 const SETTLE_S: f64 = 0.2;
 
 /// How long it must have been calm else before there may be fewer lights, or more within the budget.
 const CALM_S: f64 = 0.5;
 
-/// Where a number is held because fewer were too few, by what factor the error must change, either way, to tell that the
-/// scene is another.
+/// Where a number is held because fewer were too few, by what factor the error must change, either way, to
+/// tell that the scene is another.
 const OTHER_SCENE: f64 = 2.0;
 
 /// The fewest lights that are chosen.
@@ -34,8 +36,8 @@ pub(super) struct Count {
     /// What the error asks for, and what the budget allows.
     wanted: usize,
     allowed: usize,
-    /// A number that was tried and was too few: one light more or less may leap over the dead band, as where each lamp of a
-    /// hall has one.
+    /// A number that was tried and was too few: one light more or less may leap over the dead band, as where
+    /// each lamp of a hall has one.
     too_few: usize,
     /// Part of the target that the error was when the number was first held because of that.
     held_ratio: Option<f64>,
@@ -50,7 +52,8 @@ pub(super) struct Count {
 }
 
 impl Count {
-    /// For lists of so many slots; `None` where there is neither a target nor a budget and nothing is to be chosen.
+    /// For lists of so many slots; `None` where there is neither a target nor a budget and nothing is to be
+    /// chosen.
     pub(super) fn new(slots: usize, error_target: Option<f32>, budget_ms: Option<f64>) -> Option<Self> {
         let count = Self {
             slots,
@@ -84,7 +87,7 @@ impl Count {
         self.wanted.min(self.allowed)
     }
 
-    /// The error of a list that uses so many lights.
+    /// Takes the error of a list of which `used` lights are used.
     pub(super) fn saw_error(&mut self, error: f32, used: usize, frame_rate_hz: f64) {
         let Some(target) = self.error_target else { return };
         // What the budget does not allow is not asked for again and again.
@@ -129,7 +132,8 @@ impl Count {
         let ratio = time_ms / budget_ms;
         self.calm_time = if ratio < TIME_DEAD_BAND { self.calm_time + 1 } else { 0 };
         if ratio > 1.0 {
-            // Time does not fall in proportion: the map costs what it costs. One step is enough for one frame.
+            // Time does not fall in proportion: the map costs what it costs. One step is enough for one
+            // frame.
             self.allowed = fewer(self.lights(), self.slots);
         } else if self.calm_time >= frames(CALM_S, frame_rate_hz) {
             self.allowed = more(self.allowed, self.slots);

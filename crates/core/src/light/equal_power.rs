@@ -4,10 +4,10 @@ use crate::math::polar;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// Lights of equal luminous power towards `directions`, as in the paper (2005, section 3): their luminous sum is that
-/// of the map, and each has the chromaticity of the map's pixel in its direction. RGB sums are therefore only nearly
-/// those of the map. Where that pixel is black the light takes the map's mean chromaticity. `spread_rad` is 0, which
-/// stands for unknown.
+/// Lights of equal luminous power towards `directions`, as in the paper (2005, section 3): their luminous sum
+/// is that of the map, and each has the chromaticity of the map's pixel in its direction. RGB sums are
+/// therefore only nearly those of the map. Where that pixel is black the light takes the map's mean
+/// chromaticity. `spread_rad` is 0, which stands for unknown.
 pub fn equal_power(map: &PolarMap, directions: &[[f32; 3]], lights: &mut Vec<Light>) {
     let power = map.power();
     let luminous_power = luminance_f64(power);

@@ -1,8 +1,8 @@
-//! The error that every list carries: relative RMS difference between the irradiances of the lights and of the map
-//! over the 300 normals of METHODS section 9, by means cheap enough for every frame.
+//! The error that every list carries: relative RMS difference between the irradiances of the lights and of
+//! the map over the 300 normals of METHODS section 9, by means cheap enough for every frame.
 //!
-//! With `max(0, c) = (c + |c|) / 2` the irradiance at a normal n is `(S(n) + n . V) / 2`, where `V = sum f w` and
-//! `S(n) = sum f |n . w|`.
+//! With `max(0, c) = (c + |c|) / 2` the irradiance at a normal n is `(S(n) + n . V) / 2`, where `V = sum f w`
+//! and `S(n) = sum f |n . w|`.
 
 use super::prefix::Prefixes;
 use super::{Light, ReferencedList};
@@ -29,9 +29,9 @@ pub(super) struct Contribution {
 }
 
 impl Contribution {
-    /// The flux is taken as spread evenly to `half_width` (an angle times flux) on either side of `vector`: the mean
-    /// of `|n . w|` over it is `|c|` where the horizon of n does not cut the extent, and `(c^2 + a^2) / 2 a` where
-    /// it does. 0 makes a directional light.
+    /// The flux is taken as spread evenly to `half_width` (an angle times flux) on either side of `vector`:
+    /// the mean of `|n . w|` over it is `|c|` where the horizon of n does not cut the extent, and `(c^2 +
+    /// a^2) / 2 a` where it does. 0 makes a directional light.
     pub(super) fn new(vector: Vec3, half_width: f32) -> Self {
         let inverse = if half_width > 0.0 { 0.5 / half_width } else { 0.0 };
         // The inverse of a subnormal width overflows; an extent so narrow is a direction.
@@ -147,9 +147,10 @@ impl ListError {
         list.error = list.prefix_errors.last().map(|&(_, error)| error);
     }
 
-    /// RMS over the normals of the irradiance of `lights` less `reference`, relative to the mean of `reference`
-    /// (which is [`ReferencedList::reference_irradiance`], luminous). Where the reference is dark, relative to
-    /// the mean of the lights; 0 where both are. An empty reference gives 0. Never above `f32::MAX`.
+    /// RMS over the normals of the irradiance of `lights` less `reference`, relative to the mean of
+    /// `reference` (which is [`ReferencedList::reference_irradiance`], luminous). Where the reference is
+    /// dark, relative to the mean of the lights; 0 where both are. An empty reference gives 0. Never above
+    /// `f32::MAX`.
     pub fn relative_error(&mut self, lights: &[Light], reference: &[f32]) -> f32 {
         self.contributions.clear();
         let lights = lights.iter().filter(|light| light.luminance() > 0.0);
@@ -175,8 +176,8 @@ impl ListError {
     }
 }
 
-/// RMS of `values - reference` relative to the mean of `reference`, or of the values where the reference is dark; 0 where
-/// both are. Never above `f32::MAX`.
+/// RMS of `values - reference` relative to the mean of `reference`, or of the values where the reference is
+/// dark; 0 where both are. Never above `f32::MAX`.
 pub(super) fn relative_rms(values: &[f32], reference: &[f32]) -> f32 {
     let (mut squares, mut total, mut value_total) = (0.0f64, 0.0f64, 0.0f64);
     for (&value, &reference) in values.iter().zip(reference) {

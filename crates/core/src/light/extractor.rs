@@ -57,12 +57,12 @@ impl Extractor {
         Ok(Self { shape, method: Method::new(shape, options), map_irradiance: MapIrradiance::new(shape) })
     }
 
-    /// Fills in the list of `map`: stamp, lights in slot order, their power, and the map's irradiances.
-    /// Its errors come last, by [`super::error::ListError::measure`]: the filter measures every list that it
-    /// lets out, so they are not worked out here only to be replaced.
+    /// Fills in the list of `map`: stamp, lights in slot order, their power, and the map's irradiances. Its
+    /// errors come last, by [`super::error::ListError::measure`]: the filter measures every list that it lets
+    /// out, so they are not worked out here only to be replaced.
     ///
-    /// Equal-power lights keep the luminous power of the map, the others its RGB power. A map without light gives
-    /// lights without power: towards uniform directions, or, persistent and adaptive, where they were.
+    /// Equal-power lights keep the luminous power of the map, the others its RGB power. A map without light
+    /// gives lights without power: towards uniform directions, or, persistent and adaptive, where they were.
     ///
     /// # Panics
     /// If the map is not of this extractor's shape.

@@ -1,5 +1,5 @@
-//! Extractor on real and awkward maps: power, degenerate input; errors against METHODS' tables are in
-//! the program's report, methods of others beside them.
+//! Extractor on real and awkward maps: power, degenerate input; errors against METHODS' tables are in the
+//! program's report, methods of others beside them.
 
 use super::error::ListError;
 use super::occlusion::OcclusionError;
@@ -104,7 +104,8 @@ fn all_black_map_gives_uniform_directions_without_power() {
 
 #[test]
 fn one_light_is_the_map_itself() {
-    // A closed form: a constant hemisphere of radiance 1 has flux 2 pi and first moment pi towards the zenith.
+    // A closed form: a constant hemisphere of radiance 1 has flux 2 pi and first moment pi towards the
+    // zenith.
     let map = PolarMap::from_fn(SHAPE, |_, _| [1.0; 3]);
     let list = extract(&map, 1, Sampler::Refined);
     let light = list.lights[0];
@@ -147,8 +148,8 @@ fn counts_beyond_reason_are_refused() {
     assert!(refused(&Options { relaxation_steps: 101, ..Options::default() }).to_string().contains("101"));
 }
 
-/// How many lights are chosen for a map that stands still for 40 seconds, with the errors of the last list: that by which
-/// they are chosen, and that of irradiance.
+/// How many lights are chosen for a map that stands still for 40 seconds, with the errors of the last list:
+/// that by which they are chosen, and that of irradiance.
 fn chosen(map: &PolarMap, error_target: f32) -> (u32, [f32; 2]) {
     let options = Options { count: 512, error_target: Some(error_target), ..Options::default() };
     let (mut extractor, mut list) = (Extractor::new(map.shape, &options).unwrap(), ReferencedList::default());
@@ -176,7 +177,7 @@ fn errors(map: &PolarMap, list: &LightList) -> [f32; 2] {
     ]
 }
 
-/// The error by which lights are chosen, of so many adaptive lights of a map that stands still.
+/// The error by which lights are chosen, of `count` adaptive lights of a map that stands still.
 fn error_of(map: &PolarMap, count: u32) -> f32 {
     let options = Options { count: count as usize, ..Options::default() };
     let (mut extractor, mut list) = (Extractor::new(map.shape, &options).unwrap(), LightList::default());

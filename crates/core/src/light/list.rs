@@ -3,8 +3,8 @@ use serde::{Deserialize, Serialize};
 
 /// The most lights of a list.
 ///
-/// Relaxation measures Voronoi cells on 65,536 lattice points; more lights than a quarter of that would have cells of
-/// fewer than four.
+/// Relaxation measures Voronoi cells on 65,536 lattice points; more lights than a quarter of that would have
+/// cells of fewer than four.
 pub const MAX_LIGHTS: usize = 16_384;
 
 /// One directional light.
@@ -35,11 +35,11 @@ pub struct LightList {
     pub stamp: Stamp,
     /// Frames by which the filter delays the lights; 0 means that they are not filtered.
     pub filter_delay_frames: u32,
-    /// How many of the lights are used, where that is chosen frame by frame; the others have no power, or fade for the
-    /// length of the filter.
+    /// How many of the lights are used, where that is chosen frame by frame; the others have no power, or
+    /// fade for the length of the filter.
     pub chosen_lights: Option<u32>,
-    /// RGB sum of the lights; before the filter also the power of the map (for equal-power lights in luminance
-    /// only, see the sampler).
+    /// RGB sum of the lights; before the filter also the power of the map (for equal-power lights in
+    /// luminance only, see the sampler).
     pub power: [f64; 3],
     /// Relative RMS irradiance error over the sphere of normals against the map; after the filter against the
     /// equally filtered irradiances of the maps. `None` until it is measured.

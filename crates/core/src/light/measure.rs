@@ -1,7 +1,7 @@
 //! How far a list of lights is from its map: the slow, plain measures of METHODS section 9.
 //!
-//! Both sides of a comparison are [`Emitters`], directional lights of luminous irradiance: every map pixel is one,
-//! at the pixel's centre. All sums are f64. The cheap estimate for every frame is in [`super::error`].
+//! Both sides of a comparison are [`Emitters`], directional lights of luminous irradiance: every map pixel is
+//! one, at the pixel's centre. All sums are f64. The cheap estimate for every frame is in [`super::error`].
 
 mod soft;
 
@@ -20,7 +20,8 @@ const GLOSSY_EXPONENT: i32 = 20;
 pub const GROUND_HALF_SIDE: f64 = 1.5;
 /// Radius of the sphere that rests on the ground at the origin.
 pub const SPHERE_RADIUS: f64 = 0.5;
-/// Emitters handled side by side, so that the compiler can use vector registers in sums whose order it must keep.
+/// Emitters handled side by side, so that the compiler can use vector registers in sums whose order it must
+/// keep.
 const LANES: usize = 8;
 
 /// Directional lights of luminous irradiance, one array per coordinate.
@@ -96,11 +97,11 @@ impl Emitters {
         norm * self.sum(|x, y, z| (x * n.x + y * n.y + z * n.z).max(0.0).powi(GLOSSY_EXPONENT))
     }
 
-    /// Irradiance at a point (x, 0, z) of the ground (normal +Y) beside a sphere of radius 0.5 that rests on it at
-    /// the origin; a light whose ray meets the sphere is hidden.
+    /// Irradiance at a point (x, 0, z) of the ground (normal +Y) beside a sphere of radius 0.5 that rests on
+    /// it at the origin; a light whose ray meets the sphere is hidden.
     pub fn ground_irradiance(&self, point_x: f64, point_z: f64) -> f64 {
-        // A ray from p along d meets the sphere where d.(c - p) > sqrt(|c - p|^2 - r^2), and |c - p|^2 - r^2 is
-        // the squared distance of p from the contact point because the sphere touches the ground.
+        // A ray from p along d meets the sphere where d.(c - p) > sqrt(|c - p|^2 - r^2), and |c - p|^2 - r^2
+        // is the squared distance of p from the contact point because the sphere touches the ground.
         let tangent_length = point_x.hypot(point_z);
         self.sum(|x, y, z| {
             let along = SPHERE_RADIUS * y - point_x * x - point_z * z;
@@ -113,15 +114,15 @@ impl Emitters {
         fibonacci_sphere(count).map(|n| self.irradiance(n)).collect()
     }
 
-    /// Ground irradiance averaged over each of `cells` x `cells` square cells of [-1.5, 1.5]^2, by
-    /// `points` x `points` points a cell (after Gibson and Murta 2000).
+    /// Ground irradiance averaged over each of `cells` x `cells` square cells of [-1.5, 1.5]^2, by `points` x
+    /// `points` points a cell (after Gibson and Murta 2000).
     pub fn ground_cells(&self, cells: usize, points: usize) -> Vec<f64> {
         ground_points(cells, points, |x, z| self.ground_irradiance(x, z))
     }
 }
 
-/// Means over each of `cells` x `cells` square cells of the ground of what `value` is at `points` x `points` points
-/// (x, z) of it.
+/// Means over each of `cells` x `cells` square cells of the ground of what `value` is at `points` x `points`
+/// points (x, z) of it.
 fn ground_points(cells: usize, points: usize, value: impl Fn(f64, f64) -> f64) -> Vec<f64> {
     let steps = cells * points;
     let coordinate = |i: usize| GROUND_HALF_SIDE * ((2 * i + 1) as f64 / steps as f64 - 1.0);

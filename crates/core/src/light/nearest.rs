@@ -1,9 +1,10 @@
 //! Which site is nearest to each pixel: the Voronoi cells of METHODS section 6, exactly.
 //!
 //! The map is cut into blocks of about the same angular size. A site can only win a pixel of a block if its
-//! bisector with the site t that is nearest to the block's centre c crosses the block. With the block inside a cap
-//! of radius rho < pi/2 about c, a site s loses everywhere in it if `c . (t - s) > |t - s| sin rho`, because then
-//! every direction p of the cap has `p . (t - s) > 0`. What is left, a handful of sites, is compared pixel by pixel.
+//! bisector with the site t that is nearest to the block's centre c crosses the block. With the block inside
+//! a cap of radius rho < pi/2 about c, a site s loses everywhere in it if `c . (t - s) > |t - s| sin rho`,
+//! because then every direction p of the cap has `p . (t - s) > 0`. What is left, a handful of sites, is
+//! compared pixel by pixel.
 
 use crate::image::PolarShape;
 use multiversion::multiversion;
@@ -13,13 +14,13 @@ use std::ops::Range;
 /// Pixels that are compared together.
 const LANES: usize = 16;
 
-/// Angular size of a block. Larger blocks keep more candidates for every pixel, smaller ones look at all sites more
-/// often; at 8 degrees, 300 sites and 360 x 90 pixels both cost about the same.
+/// Angular size of a block. Larger blocks keep more candidates for every pixel, smaller ones look at all
+/// sites more often; at 8 degrees, 300 sites and 360 x 90 pixels both cost about the same.
 const BLOCK_SIZE_RAD: f64 = 8.0 * TAU / 360.0;
 
-/// By how much more than the bound a site must lose to be ruled out for a block. It then loses by at least 0.7 of this
-/// at every pixel, and dot products in f32 are off by up to 3e-7, the bound by less than 1e-6: whatever is ruled out
-/// would also have lost in f32, and the result is that of comparing all sites.
+/// By how much more than the bound a site must lose to be ruled out for a block. It then loses by at least
+/// 0.7 of this at every pixel, and dot products in f32 are off by up to 3e-7, the bound by less than 1e-6:
+/// whatever is ruled out would also have lost in f32, and the result is that of comparing all sites.
 const SLACK: f32 = 4e-6;
 
 /// Assigns every pixel of maps of one shape to its nearest site.
@@ -51,7 +52,8 @@ struct Block {
     /// A multiple of [`LANES`] long; may reach into the padding.
     columns: Range<usize>,
     centre: [f32; 3],
-    /// Sine of the radius of the cap about `centre` that holds all pixel centres; infinite from a right angle on.
+    /// Sine of the radius of the cap about `centre` that holds all pixel centres; infinite from a right angle
+    /// on.
     sin_radius: f32,
 }
 
@@ -184,7 +186,8 @@ impl Sites {
     }
 }
 
-/// For every site s, with t the nearest to `centre`, a number above 0 if `c . (t - s) - SLACK > |t - s| sin_radius`.
+/// For every site s, with t the nearest to `centre`, a number above 0 if `c . (t - s) - SLACK > |t - s|
+/// sin_radius`.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn margins(x: &[f32], y: &[f32], z: &[f32], margin: &mut [f32], centre: [f32; 3], sin_radius: f32) {
     // Slices of one length and plain loops: this is what compilers turn into vector code.
@@ -209,8 +212,8 @@ fn margins(x: &[f32], y: &[f32], z: &[f32], margin: &mut [f32], centre: [f32; 3]
     let t = [x[nearest], y[nearest], z[nearest]];
     for i in 0..count {
         let (dx, dy, dz) = (t[0] - x[i], t[1] - y[i], t[2] - z[i]);
-        // Squares with their sign compare as the values do, and spare a root. An infinite sine times a distance of 0
-        // is NaN; `max` takes it out.
+        // Squares with their sign compare as the values do, and spare a root. An infinite sine times a
+        // distance of 0 is NaN; `max` takes it out.
         let reach = ((dx * dx + dy * dy + dz * dz) * (sin_radius * sin_radius)).max(0.0);
         let lost = top - margin[i] - SLACK;
         margin[i] = lost * lost.abs() - reach;
@@ -223,9 +226,11 @@ fn compare_dispatched(candidates: &[Candidate], block: &Block, tables: &Tables, 
     compare(candidates, block, tables, nearest);
 }
 
-/// Writes for every pixel of a block the index of the candidate with the largest dot product; the first of equals.
+/// Writes for every pixel of a block the index of the candidate with the largest dot product; the first of
+/// equals.
 ///
-/// The dot product is `(px sx + py sy) + pz sz` without fused operations, so that every target gives the same bits.
+/// The dot product is `(px sx + py sy) + pz sz` without fused operations, so that every target gives the same
+/// bits.
 #[inline(always)]
 fn compare(candidates: &[Candidate], block: &Block, tables: &Tables, nearest: &mut [u32]) {
     for row in block.rows.clone() {

@@ -1,10 +1,12 @@
-//! How wrong a list is beside things that hide part of the light: the error by which the number of lights is chosen.
+//! How wrong a list is beside things that hide part of the light: the error by which the number of lights is
+//! chosen.
 //!
-//! For each of the 300 normals of METHODS section 9 the light in front of the plane through the point: what a wall leaves
-//! of it. The plane's edge is soft by [`EDGE_HALF_WIDTH_RAD`] to either side, as an edge is that one sees, and lights are
-//! as wide as their spread. So an even sky, which throws no edges, takes few lights, while lamps, each with shadows of
-//! its own, take about one for each or for a close pair. The error of irradiance ([`super::error`]) cannot tell them apart: it counts lights as
-//! directions, and is largest for an even sky, of which every surface's horizon cuts a part.
+//! For each of the 300 normals of METHODS section 9 the light in front of the plane through the point: what a
+//! wall leaves of it. The plane's edge is soft by [`EDGE_HALF_WIDTH_RAD`] to either side, as an edge is that
+//! one sees, and lights are as wide as their spread. So an even sky, which throws no edges, takes few lights,
+//! while lamps, each with shadows of its own, take about one for each or for a close pair. The error of
+//! irradiance ([`super::error`]) cannot tell them apart: it counts lights as directions, and is largest for
+//! an even sky, of which every surface's horizon cuts a part.
 
 use super::Light;
 use super::error::{Contribution, LANES, NORMAL_COUNT, NormalSphere, relative_rms, sum_terms};
@@ -46,7 +48,8 @@ impl Extent {
         Some(Self::new(direction.as_vec3(), half_width_rad, flux as f32))
     }
 
-    /// A disc of the light's spread: the even extent of the variance that it has along one axis, half that of both.
+    /// A disc of the light's spread: the even extent of the variance that it has along one axis, half that of
+    /// both.
     fn of_light(light: &Light) -> Option<Self> {
         let flux = light.luminance();
         let half_width_rad = 1.5f32.sqrt() * light.spread_rad;
@@ -59,8 +62,8 @@ impl OcclusionError {
         Self { normals: NormalSphere::new(), extents: Vec::new(), of_map: Vec::new(), of_lights: Vec::new() }
     }
 
-    /// RMS over the planes of what the lights leave in front of them less what the blocks of the map do, relative to the
-    /// mean; 0 where both are dark. Never above `f32::MAX`.
+    /// RMS over the planes of what the lights leave in front of them less what the blocks of the map do,
+    /// relative to the mean; 0 where both are dark. Never above `f32::MAX`.
     pub(super) fn relative_error(&mut self, lights: &[Light], blocks: &[Contribution]) -> f32 {
         self.extents.clear();
         self.extents.extend(blocks.iter().filter_map(Extent::of_block));

@@ -27,9 +27,9 @@ pub struct Options {
     pub sampler: Sampler,
     /// Steps of Lloyd's relaxation of the sample points, 0 to 100, at start-up.
     pub relaxation_steps: usize,
-    /// Use only as many of the lights as keep the occlusion error below this: of the light in front of 300 planes, whose
-    /// edges are soft by 3 degrees to either side, RMS relative to the mean, with lights as wide as their spread. Adaptive
-    /// lights only.
+    /// Use only as many of the lights as keep the occlusion error below this: of the light in front of 300
+    /// planes, whose edges are soft by 3 degrees to either side, RMS relative to the mean, with lights as
+    /// wide as their spread. Adaptive lights only.
     pub error_target: Option<f32>,
     /// Use only as many of the lights as are made in this time, in ms a frame; adaptive lights only.
     pub budget_ms: Option<f64>,
@@ -52,8 +52,9 @@ impl Options {
     /// Whether lights can be extracted so.
     ///
     /// # Errors
-    /// `Usage`, naming the key, for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps, and for a
-    /// target or a budget that is not a number above 0 or is asked of other lights than adaptive ones.
+    /// `Usage`, naming the key, for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps,
+    /// and for a target or a budget that is not a number above 0 or is asked of other lights than adaptive
+    /// ones.
     pub fn check(&self) -> Result<()> {
         let Self { count, sampler, relaxation_steps, error_target, budget_ms } = *self;
         if !(1..=MAX_LIGHTS).contains(&count) {

@@ -1,10 +1,11 @@
 //! Dominant peaks: the sun, the Moon, a lamp as lights of their own (METHODS section 6).
 //!
-//! In the cell of a site a small source is averaged with the sky about it: the light's direction is pulled towards the
-//! middle of the cell, by more as the source grows dim, and a strong one draws many sites to itself. Here connected
-//! pixels above a limit give what they have *above* it to a light of their own; up to the limit they stay in the map.
-//! Giving away whole pixels instead would move the light by jumps as pixels cross the limit: on the Moon behind passing
-//! cloud, over 0.5-degree pixels, up to 0.13 degrees instead of 0.03.
+//! In the cell of a site a small source is averaged with the sky about it: the light's direction is pulled
+//! towards the middle of the cell, by more as the source grows dim, and a strong one draws many sites to
+//! itself. Here connected pixels above a limit give what they have *above* it to a light of their own; up to
+//! the limit they stay in the map. Giving away whole pixels instead would move the light by jumps as pixels
+//! cross the limit: on the Moon behind passing cloud, over 0.5-degree pixels, up to 0.13 degrees instead of
+//! 0.03.
 
 use super::components::collect_component;
 use super::refine::Share;
@@ -16,22 +17,22 @@ use std::borrow::Cow;
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Luminance above which a pixel may belong to a peak, in mean luminances of the map. It clears a hazy sky's glow about
-/// the Moon, where 3 to 5 serve equally well.
+/// Luminance above which a pixel may belong to a peak, in mean luminances of the map. It clears a hazy sky's
+/// glow about the Moon, where 3 to 5 serve equally well.
 const LIMIT: f64 = 4.0;
 
 /// Up to which RMS angle about its direction a component is one source for any number of lights ...
 const LEAST_SPREAD_MAX_RAD: f64 = PI / 180.0;
-/// ... and in spreads of an even cell of the hemisphere, which is 1 / sqrt(n) for n lights: a wider source is better
-/// shared by several lights.
+/// ... and in spreads of an even cell of the hemisphere, which is 1 / sqrt(n) for n lights: a wider source is
+/// better shared by several lights.
 const SPREAD_MAX_OF_CELL: f64 = 0.25;
 
 /// A peak holds this many equal shares of the map's power, or this part of it if that is less ...
 const SHARES: f64 = 16.0;
 const PART_OF_POWER: f64 = 0.125;
-/// ... or it holds this many equal shares, and this part of all that the map has above the limit: the one Moon over a
-/// hazy sky, which may hold a thousandth of the light, but not the lamps of a hall, which would come and go as they
-/// flicker.
+/// ... or it holds this many equal shares, and this part of all that the map has above the limit: the one
+/// Moon over a hazy sky, which may hold a thousandth of the light, but not the lamps of a hall, which would
+/// come and go as they flicker.
 const LEAST_SHARES: f64 = 1.0 / 64.0;
 const PART_OF_EXCESS: f64 = 0.5;
 
@@ -50,7 +51,8 @@ pub(super) struct Peaks {
     shape: PolarShape,
     light_count: usize,
     most: usize,
-    /// Largest value of any channel in every stretch of a row: no luminance in it is above that, but for rounding.
+    /// Largest value of any channel in every stretch of a row: no luminance in it is above that, but for
+    /// rounding.
     largest: Vec<f32>,
     is_open: Vec<bool>,
     /// The pixels that were opened.
@@ -122,8 +124,8 @@ impl Peaks {
         }
     }
 
-    /// The peaks of the map, brightest first, and the map without them: together they are the map, in power and colour.
-    /// `is_known` says whether there was one in about a direction in the last frame.
+    /// The peaks of the map, brightest first, and the map without them: together they are the map, in power
+    /// and colour. `is_known` says whether there was one in about a direction in the last frame.
     pub(super) fn find<'a>(
         &'a mut self,
         map: &'a PolarMap,
@@ -266,7 +268,8 @@ impl Least {
         self.flux / EASE
     }
 
-    /// Whether a component of some flux and first moment is a peak. NaN, of radiances near the largest, is none.
+    /// Whether a component of some flux and first moment is a peak. NaN, of radiances near the largest, is
+    /// none.
     fn allows(&self, flux: f64, moment: f64, is_known: impl FnOnce() -> bool) -> bool {
         let is = |least_flux: f64, cos_spread: f64| {
             flux > 0.0 && flux >= least_flux && moment >= cos_spread * flux

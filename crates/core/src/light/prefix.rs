@@ -14,13 +14,13 @@ const SLACK: f32 = 4e-6;
 /// The first `count` of `lights`, with every later light joined to the nearest of them (METHODS section 6).
 ///
 /// Powers add. The direction becomes the mean of the joined directions, weighted by luminous flux times `cos
-/// spread_rad`: the first moment of what the lights stand for. Spreads merge likewise (the cosine of the joined
-/// spread is the length of the summed moments over the summed flux), so that the joined light has the flux, direction
-/// and spread that the union of the shares would have had. Heads keep their `id`; those without power keep their
-/// direction until something with power joins them.
+/// spread_rad`: the first moment of what the lights stand for. Spreads merge likewise (the cosine of the
+/// joined spread is the length of the summed moments over the summed flux), so that the joined light has the
+/// flux, direction and spread that the union of the shares would have had. Heads keep their `id`; those
+/// without power keep their direction until something with power joins them.
 ///
-/// A `count` of 0 gives no lights; one of at least the number of lights gives them as they are. `joined` is the
-/// caller's storage. Frame after frame, [`Prefixes`] keeps its memory.
+/// A `count` of 0 gives no lights; one of at least the number of lights gives them as they are. `joined` is
+/// the caller's storage. Frame after frame, [`Prefixes`] keeps its memory.
 pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
     Prefixes::default().prefix(lights, count, joined);
 }
@@ -52,8 +52,8 @@ impl Prefixes {
         self.join(lights, count, joined, |_, _| {});
     }
 
-    /// [`Self::prefix`], with the index in `joined` of the light that each of `lights` has joined; the first `count` have
-    /// joined themselves. A `count` of 0 leaves `heads` empty, as there is nothing to join.
+    /// [`Self::prefix`], with the index in `joined` of the light that each of `lights` has joined; the first
+    /// `count` have joined themselves. A `count` of 0 leaves `heads` empty, as there is nothing to join.
     pub fn prefix_with_heads(
         &mut self,
         lights: &[Light],
@@ -82,8 +82,8 @@ impl Prefixes {
         self.shares.extend(lights.iter().map(Share::of));
     }
 
-    /// [`prefix`] of the lights that were loaded; calls `found` with the index of every light from `count` on and that of
-    /// its head.
+    /// [`prefix`] of the lights that were loaded; calls `found` with the index of every light from `count` on
+    /// and that of its head.
     pub(super) fn join(
         &mut self,
         lights: &[Light],
@@ -138,10 +138,11 @@ fn is_short(lights: &[Light], count: usize) -> bool {
     (1..lights.len()).contains(&count)
 }
 
-/// For up to [`LANES`] lights of about the same height the index of the nearest head; the lowest of equally near ones.
+/// For up to [`LANES`] lights of about the same height the index of the nearest head; the lowest of equally
+/// near ones.
 ///
-/// Heads stand in the order of height. Directions whose heights differ by h have a dot product of at most `1 - h^2 / 2`:
-/// once that is less than what was found, those beyond are no nearer.
+/// Heads stand in the order of height. Directions whose heights differ by h have a dot product of at most
+/// `1 - h^2 / 2`: once that is less than what was found, those beyond are no nearer.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn nearest_heads(heads: &[Place], lights: &[Place]) -> [u32; LANES] {
     // Lanes without a light repeat the last.

@@ -1,11 +1,12 @@
 //! Irradiances of a map at the estimator's normals, from blocks of pixels instead of pixels.
 //!
-//! Irradiance is linear in the flux vector `sum f w` of everything in front of a surface, so a block of pixels
-//! wholly in front of it counts exactly by its flux vector alone. Only blocks that the horizon of the normal cuts
-//! are approximate; there the flux is taken as spread evenly over the block's own second moment. A block of side s
-//! that holds the share q of the map's flux is cut with a probability in proportion to s and is then wrong by
-//! something in proportion to q s, so its part of the RMS error goes as `q s^1.5`. Blocks where that is large,
-//! those around a sun or a lamp, are halved until it is small or they are single pixels.
+//! Irradiance is linear in the flux vector `sum f w` of everything in front of a surface, so a block of
+//! pixels wholly in front of it counts exactly by its flux vector alone. Only blocks that the horizon of the
+//! normal cuts are approximate; there the flux is taken as spread evenly over the block's own second moment.
+//! A block of side s that holds the share q of the map's flux is cut with a probability in proportion to s
+//! and is then wrong by something in proportion to q s, so its part of the RMS error goes as `q s^1.5`.
+//! Blocks where that is large, those around a sun or a lamp, are halved until it is small or they are single
+//! pixels.
 
 use super::error::{Contribution, NormalSphere};
 use crate::image::{PolarMap, PolarShape, luminance};
@@ -16,8 +17,8 @@ use std::ops::Range;
 /// Side of a block to start with: about 1,300 to a hemisphere.
 const BLOCK_SIDE_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
 
-/// Largest `q s^1.5` of a block that is not halved. An even sky stays below with whole blocks; the tests hold the
-/// result against the slow measure, pixel by pixel.
+/// Largest `q s^1.5` of a block that is not halved. An even sky stays below with whole blocks; the tests hold
+/// the result against the slow measure, pixel by pixel.
 const TOLERANCE: f64 = 2e-5;
 
 /// A rectangle of the map and its flux.

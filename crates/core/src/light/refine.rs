@@ -1,9 +1,10 @@
 //! What a share of the map, or of lights, is as one light.
 //!
-//! A share with luminous flux F and first moment `V`, the integral of luminous radiance times direction, becomes a
-//! light in direction `V / |V|` with `spread_rad = acos(|V| / F)`. For flux at angles a from the light's direction
-//! `|V| / F` is the mean of `cos a`, so that this is the RMS angle up to terms of a^4: 0.2 % below it for an even
-//! disc of radius 0.5 rad. Unlike the RMS itself it needs one pass, and shares can be joined exactly: F and V add.
+//! A share with luminous flux F and first moment `V`, the integral of luminous radiance times direction,
+//! becomes a light in direction `V / |V|` with `spread_rad = acos(|V| / F)`. For flux at angles a from the
+//! light's direction `|V| / F` is the mean of `cos a`, so that this is the RMS angle up to terms of a^4: 0.2
+//! % below it for an even disc of radius 0.5 rad. Unlike the RMS itself it needs one pass, and shares can be
+//! joined exactly: F and V add.
 
 use super::Light;
 use super::nearest::NearestSites;
@@ -88,8 +89,9 @@ impl Voronoi {
         }
     }
 
-    /// Writes the light of the cell of every site: its RGB flux (the sum over all lights is that of the map), its
-    /// flux-weighted mean direction and its spread. The light of an empty cell has no power and the site's direction.
+    /// Writes the light of the cell of every site: its RGB flux (the sum over all lights is that of the map),
+    /// its flux-weighted mean direction and its spread. The light of an empty cell has no power and the
+    /// site's direction.
     pub fn refine(&mut self, map: &PolarMap, sites: &[[f32; 3]], lights: &mut Vec<Light>) {
         let columns = map.shape.columns();
         let row = |row: usize| &map.pixels[row * columns..(row + 1) * columns];

@@ -1,14 +1,15 @@
-//! Angular regions: the lights that can matter to a normal or to a cone of directions, by one table look-up (Havran et
-//! al. 2005, sections 4.1, 4.2 and 5; METHODS section 8).
+//! Angular regions: the lights that can matter to a normal or to a cone of directions, by one table look-up
+//! (Havran et al. 2005, sections 4.1, 4.2 and 5; METHODS section 8).
 //!
-//! The sphere of directions is a cube map whose every cell belongs to the nearest of a few hundred centres. A region is
-//! the cells of one centre, and its *reach* the angle from the centre to the farthest direction in them. What a
-//! direction of the region needs lies within the reach plus an angle: a right angle for the lights that a normal sees,
-//! gamma/2 for the lights of a cone of half-angle gamma/2. The paper has one number, a/2, for the reach of all regions;
-//! each region's own is smaller, so that fewer lights are kept and none that is needed is missing.
+//! The sphere of directions is a cube map whose every cell belongs to the nearest of a few hundred centres. A
+//! region is the cells of one centre, and its *reach* the angle from the centre to the farthest direction in
+//! them. What a direction of the region needs lies within the reach plus an angle: a right angle for the
+//! lights that a normal sees, gamma/2 for the lights of a cone of half-angle gamma/2. The paper has one
+//! number, a/2, for the reach of all regions; each region's own is smaller, so that fewer lights are kept and
+//! none that is needed is missing.
 //!
-//! A region's list keeps the order of the lights, so that its beginning is as progressive as that of the whole list
-//! (observation 1 of the paper), and so that it may be cut.
+//! A region's list keeps the order of the lights, so that its beginning is as progressive as that of the
+//! whole list (observation 1 of the paper), and so that it may be cut.
 
 use super::{Light, MAX_LIGHTS};
 use crate::image::luminance_f64;
@@ -16,18 +17,19 @@ use crate::math::{angle_between, cube_cell, cube_cell_solid_angle, cube_directio
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Regions for normals: of evenly spread lights a list holds 59 in 100, where no number of regions gives less than 50.
+/// Regions for normals: of evenly spread lights a list holds 59 in 100, where no number of regions gives less
+/// than 50.
 const NORMAL_REGIONS: usize = 200;
 /// The most regions, 4.5 degrees apart: the time to build the table grows with the square of their number.
 const MAX_REGIONS: usize = 2048;
 /// Cells for each region: the finer the cells, the smaller the reach.
 const CELLS_PER_REGION: f64 = 64.0;
 
-/// Added to every reach: rounding in f32, also that of a GPU's division, moves the border of a cell by less than half
-/// of this.
+/// Added to every reach: rounding in f32, also that of a GPU's division, moves the border of a cell by less
+/// than half of this.
 const REACH_SLACK_RAD: f64 = 1e-6;
-/// Taken off the least dot product: products of three terms in f32 are off by less than 3e-7, centres and light
-/// directions as rounded to f32 move them by less than 2e-7.
+/// Taken off the least dot product: products of three terms in f32 are off by less than 3e-7, centres and
+/// light directions as rounded to f32 move them by less than 2e-7.
 const DOT_SLACK: f64 = 1e-6;
 /// Least dot product where every light belongs to the region: below that of any two unit vectors.
 const EVERYTHING: f32 = -2.0;
@@ -47,12 +49,13 @@ pub struct Regions {
 pub struct RegionLists {
     /// Places for indices in every region.
     pub capacity: usize,
-    /// Region-major: those of region r start at `r capacity`. Places beyond what a region keeps hold `u32::MAX`.
+    /// Region-major: those of region r start at `r capacity`. Places beyond what a region keeps hold
+    /// `u32::MAX`.
     pub indices: Vec<u32>,
     /// Number of lights with power within each region; it keeps the first `capacity` of them.
     pub within: Vec<u32>,
-    /// By which the kept lights of each region are to be multiplied, so that their luminance is that of all within it:
-    /// 1 where none had to go.
+    /// By which the kept lights of each region are to be multiplied, so that their luminance is that of all
+    /// within it: 1 where none had to go.
     pub factors: Vec<f32>,
 }
 
@@ -65,8 +68,8 @@ impl RegionLists {
 }
 
 impl Regions {
-    /// Regions about `centre_count` spherical Fibonacci points (at least 1 and at most 2048 are made), for lights
-    /// within `extra_rad` of any of their directions. Negative angles and NaN count as 0.
+    /// Regions about `centre_count` spherical Fibonacci points (at least 1 and at most 2048 are made), for
+    /// lights within `extra_rad` of any of their directions. Negative angles and NaN count as 0.
     pub fn new(centre_count: usize, extra_rad: f64) -> Self {
         let count = centre_count.clamp(1, MAX_REGIONS);
         let side = (count as f64 * CELLS_PER_REGION / 6.0).sqrt().ceil() as u32;
@@ -88,9 +91,10 @@ impl Regions {
             }
         }
         for reach_rad in &mut reaches_rad {
-            // Directions within r of a centre form a cone that is convex for r up to a right angle. The directions of
-            // a cell are sums of those of its corners with weights that are not negative, so that such a cone holds
-            // the cell where it holds the corners. Beyond a right angle corners say nothing.
+            // Directions within r of a centre form a cone that is convex for r up to a right angle. The
+            // directions of a cell are sums of those of its corners with weights that are not negative, so
+            // that such a cone holds the cell where it holds the corners. Beyond a right angle corners say
+            // nothing.
             *reach_rad = if *reach_rad < FRAC_PI_2 { *reach_rad + REACH_SLACK_RAD } else { PI };
         }
         let caps = centres.iter().zip(&reaches_rad);
@@ -107,10 +111,11 @@ impl Regions {
         Self::new(NORMAL_REGIONS, FRAC_PI_2)
     }
 
-    /// Regions for the lights (METHODS' L) in cones of half-angle `gamma_rad / 2`, with centres about gamma apart; for
-    /// a gamma below 4.5 degrees they are farther apart than that, and the lists longer.
+    /// Regions for the lights (METHODS' L) in cones of half-angle `gamma_rad / 2`, with centres about gamma
+    /// apart; for a gamma below 4.5 degrees they are farther apart than that, and the lists longer.
     pub fn for_cones(gamma_rad: f64) -> Self {
-        // A centre's share of the sphere is about gamma squared. NaN makes the most regions, each with its own lights.
+        // A centre's share of the sphere is about gamma squared. NaN makes the most regions, each with its
+        // own lights.
         let gamma_rad = gamma_rad.max(0.0);
         let count = 4.0 * PI / (gamma_rad * gamma_rad);
         Self::new(count.ceil() as usize, 0.5 * gamma_rad)
@@ -131,9 +136,10 @@ impl Regions {
         &self.table
     }
 
-    /// Centre (unit vector) of every region and the least dot product with it of the directions of its lights: a light
-    /// towards l belongs to the region if `x l.x + y l.y + z l.z >= w`, in f32. The bound is rounded down by enough
-    /// that neither rounding of the product nor fused operations lose a light; -2 stands for every light.
+    /// Centre (unit vector) of every region and the least dot product with it of the directions of its
+    /// lights: a light towards l belongs to the region if `x l.x + y l.y + z l.z >= w`, in f32. The bound is
+    /// rounded down by enough that neither rounding of the product nor fused operations lose a light; -2
+    /// stands for every light.
     pub fn caps(&self) -> &[[f32; 4]] {
         &self.caps
     }
@@ -153,8 +159,8 @@ impl Regions {
         self.table[self.table_index(direction)] as usize
     }
 
-    /// Lists for every region the lights with power (any channel above 0) that belong to it, in the order of `lights`,
-    /// at most `capacity` of them. Nothing is allocated once `lists` has held as many.
+    /// Lists for every region the lights with power (any channel above 0) that belong to it, in the order of
+    /// `lights`, at most `capacity` of them. Nothing is allocated once `lists` has held as many.
     ///
     /// # Panics
     /// If `capacity` is above [`MAX_LIGHTS`].
@@ -187,8 +193,8 @@ impl Regions {
         }
     }
 
-    /// Number of lights that a direction's region keeps, as mean over all directions. The number of lights over this is
-    /// the gain of culling, at most 2 for normals.
+    /// Number of lights that a direction's region keeps, as mean over all directions. The number of lights
+    /// over this is the gain of culling, at most 2 for normals.
     pub fn mean_lights(&self, lists: &RegionLists) -> f64 {
         let regions = self.solid_angles_sr.iter().enumerate();
         regions.map(|(region, sr)| sr * lists.kept(region).len() as f64).sum::<f64>() / (4.0 * PI)

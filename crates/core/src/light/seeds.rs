@@ -13,7 +13,7 @@ pub(super) struct Seeds {
 }
 
 impl Seeds {
-    /// `count` points after so many steps of relaxation, for maps of one shape.
+    /// `count` points after `relaxation_steps` steps of relaxation, for maps of one shape.
     pub(super) fn new(shape: PolarShape, count: usize, relaxation_steps: usize) -> Self {
         let centres: Vec<f64> = (0..shape.rows()).map(|row| shape.height(row as f64 + 0.5)).collect();
         Self {
@@ -42,8 +42,8 @@ impl Seeds {
     }
 }
 
-/// Importance of a pixel for the sites of cells: luminance^0.75. Sites by luminance itself crowd in the brightest spots,
-/// where one light is as good as ten.
+/// Importance of a pixel for the sites of cells: luminance^0.75. Sites by luminance itself crowd in the
+/// brightest spots, where one light is as good as ten.
 pub fn dampened_luminance(pixel: [f32; 3]) -> f32 {
     let root = luminance(pixel).sqrt();
     root * root.sqrt()

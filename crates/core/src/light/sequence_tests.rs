@@ -51,8 +51,8 @@ fn worst_and_p99(values: &mut [f64]) -> [f64; 2] {
     [values[values.len() - 1], values[(values.len() - 1) * 99 / 100]]
 }
 
-/// A hundred turns of the garden, `step` columns a frame: no turn is worse than the first, or hardly, and the second half of
-/// them is no worse than the first. The motion of a frame is the RMS over its lights.
+/// A hundred turns of the garden, `step` columns a frame: no turn is worse than the first, or hardly, and the
+/// second half of them is no worse than the first. The motion of a frame is the RMS over its lights.
 fn hundred_turns(sampler: Sampler, step: usize) {
     let Some(map) = real_map("chinese_garden_1k.hdr", SHAPE) else { return };
     let measure = Measure::new(&map);
@@ -92,7 +92,8 @@ fn hundred_turns(sampler: Sampler, step: usize) {
     );
     println!("  turn 1       {first:.5?}\n  turns 2-100  {highest:.5?} (the highest of any turn)");
     println!("  turns 2-50   {early:.5?} (means)\n  turns 51-100 {late:.5?}");
-    // Where adaptive lights relax is not the same in every turn: their p99 goes up and down by a few per cent.
+    // Where adaptive lights relax is not the same in every turn: their p99 goes up and down by a few per
+    // cent.
     let [slack, farthest_slack] = if sampler == Sampler::Adaptive { [1.05, 1.3] } else { [1.0, 1.1] };
     for i in 0..5 {
         assert!(highest[i] <= slack * first[i], "{first:?} {highest:?}");

@@ -1,5 +1,5 @@
-//! Shadows of lights that have a spread, as the renderer draws them: a light is an even disc of radius `sqrt(2)
-//! spread_rad`, whose RMS angle about its middle is the spread.
+//! Shadows of lights that have a spread, as the renderer draws them: a light is an even disc of radius
+//! `sqrt(2) spread_rad`, whose RMS angle about its middle is the spread.
 
 use super::{SPHERE_RADIUS, ground_points};
 use crate::light::Light;
@@ -9,8 +9,9 @@ use std::f64::consts::{PI, SQRT_2};
 /// A disc narrower than this is a direction.
 const LEAST_RADIUS_RAD: f64 = 1e-9;
 
-/// As [`super::Emitters::ground_cells`], each light counted for the part of its disc that the sphere leaves free; the
-/// cosine is that of its direction. Discs and the sphere's outline are taken as circles of a plane of angles.
+/// As [`super::Emitters::ground_cells`], each light counted for the part of its disc that the sphere leaves
+/// free; the cosine is that of its direction. Discs and the sphere's outline are taken as circles of a plane
+/// of angles.
 pub fn soft_ground_cells(lights: &[Light], cells: usize, points: usize) -> Vec<f64> {
     let discs: Vec<(DVec3, f64, f64)> = lights
         .iter()
