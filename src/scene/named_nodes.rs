@@ -4,11 +4,11 @@ use super::{Roles, Scene};
 use crate::error::{Error, Result};
 
 impl Scene {
-    /// Gives these roles to all instances at nodes of this name and below them.
+    /// Changes the roles of all instances at nodes of this name and below them.
     ///
     /// # Errors
     /// Kind `Usage` where no node has the name, with those that there are.
-    pub fn set_roles(&mut self, name: &str, roles: Roles) -> Result<()> {
+    pub fn change_roles(&mut self, name: &str, changed: impl Fn(Roles) -> Roles) -> Result<()> {
         let mut is_meant = Vec::with_capacity(self.nodes.len());
         for (place, node) in self.nodes.iter().enumerate() {
             let is_named = self.node_names.get(place).is_some_and(|own| own == name);
@@ -18,7 +18,7 @@ impl Scene {
             return Err(self.no_node(name));
         }
         let meant = self.instances.iter_mut().filter(|instance| is_meant[instance.node]);
-        meant.for_each(|instance| instance.roles = roles);
+        meant.for_each(|instance| instance.roles = changed(instance.roles));
         Ok(())
     }
 
@@ -49,15 +49,15 @@ mod tests {
         let mut scene = Scene::built_in();
         let roles = |scene: &Scene| scene.instances.iter().map(|i| i.roles).collect::<Vec<_>>();
         assert_eq!(roles(&scene), [Roles::ALL, Roles::ALL, Roles::NO_SHADOW]);
-        scene.set_roles("sphere", Roles::HELD_OUT).unwrap();
+        scene.change_roles("sphere", |_| Roles::HELD_OUT).unwrap();
         assert_eq!(roles(&scene), [Roles::ALL, Roles::HELD_OUT, Roles::NO_SHADOW]);
         // Both stand below the root.
         scene.node_names[0] = "things".to_owned();
-        scene.set_roles("things", Roles::NONE).unwrap();
+        scene.change_roles("things", |_| Roles::NONE).unwrap();
         assert_eq!(roles(&scene), [Roles::NONE, Roles::NONE, Roles::NO_SHADOW]);
-        let error = scene.set_roles("cube", Roles::NONE).unwrap_err().to_string();
+        let error = scene.change_roles("cube", |_| Roles::NONE).unwrap_err().to_string();
         assert_eq!(error, "the scene has no node `cube`; there are ground, knot, sphere, things");
-        let error = Scene::default().set_roles("cube", Roles::NONE).unwrap_err().to_string();
+        let error = Scene::default().change_roles("cube", |_| Roles::NONE).unwrap_err().to_string();
         assert!(error.contains("have no names"), "{error}");
     }
 }

@@ -38,7 +38,8 @@ pub(super) struct Look {
     #[arg(long, value_enum, default_value_t = ToneName::Reinhard)]
     tone: ToneName,
 
-    /// Node of the scene, with all below it, that casts shadows but is not seen. May be given again.
+    /// Node of the scene, with all below it, that is not seen but casts its shadows. May be given again. For
+    /// pictures that shall fit each other give --eye and --target: the default camera frames what casts shadows.
     #[arg(long, value_name = "NODE")]
     hold_out: Vec<String>,
 
@@ -90,14 +91,13 @@ impl Look {
 
     /// Gives the scene's nodes the roles that were asked for.
     pub(super) fn set_roles(&self, scene: &mut Scene) -> Result<()> {
-        for (names, roles) in [
-            (&self.hold_out, Roles::HELD_OUT),
-            (&self.unseen, Roles::NONE),
-            (&self.no_shadow, Roles::NO_SHADOW),
-        ] {
-            names.iter().try_for_each(|name| scene.set_roles(name, roles))?;
-        }
-        Ok(())
+        let mut change = |names: &[String], changed: fn(Roles) -> Roles| {
+            names.iter().try_for_each(|name| scene.change_roles(name, changed))
+        };
+        // A ground that is held out still casts no shadow: it would widen every shadow map.
+        change(&self.hold_out, |roles| Roles { seen: false, ..roles })?;
+        change(&self.unseen, |_| Roles::NONE)?;
+        change(&self.no_shadow, |roles| Roles { casts: false, ..roles })
     }
 
     /// How pictures look; `panorama`: INPUT, if it is one.
@@ -170,6 +170,32 @@ fn background(text: &str) -> Result<BackgroundName, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn flags_take_roles_away_and_give_none() {
+        let look = |flags: &[&str]| {
+            #[derive(clap::Parser)]
+            struct Line {
+                #[command(flatten)]
+                look: Look,
+            }
+            let line = ["render"].into_iter().chain(flags.iter().copied());
+            <Line as clap::Parser>::try_parse_from(line).map(|line| line.look).unwrap()
+        };
+        let roles = |flags: &[&str]| {
+            let mut scene = Scene::built_in();
+            look(flags).set_roles(&mut scene).unwrap();
+            scene.instances.iter().map(|instance| instance.roles).collect::<Vec<_>>()
+        };
+        assert_eq!(roles(&[]), [Roles::ALL, Roles::ALL, Roles::NO_SHADOW]);
+        let unseen = Roles { seen: false, ..Roles::ALL };
+        assert_eq!(
+            roles(&["--hold-out", "knot", "--hold-out", "ground"]),
+            [unseen, Roles::ALL, Roles { casts: false, ..unseen }]
+        );
+        assert_eq!(roles(&["--unseen", "knot", "--no-shadow", "knot"])[0], Roles::NONE);
+        assert_eq!(roles(&["--no-shadow", "sphere"])[1], Roles::NO_SHADOW);
+    }
 
     #[test]
     fn backgrounds_are_colours_or_names() {
