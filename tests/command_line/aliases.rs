@@ -78,8 +78,8 @@ fn an_elevation_may_still_be_called_altitude() {
     });
     assert_eq!(made[0], made[1]);
 
-    let marks = "[[mark]]\npixel = [400, 300]\nazimuth_deg = 30.0\nelevation_deg = 50.0\n\
-                 [[mark]]\npixel = [200, 350]\nazimuth_deg = 170.0\nelevation_deg = 40.0\n";
+    let marks = "[[mark]]\npixel = [80, 50]\nazimuth_deg = 30.0\nelevation_deg = 50.0\n\
+                 [[mark]]\npixel = [35, 70]\nazimuth_deg = 170.0\nelevation_deg = 40.0\n";
     let calibration = folder.path().join("a/calibration.json");
     let found = ["elevation_deg", "altitude_deg"].map(|key| {
         let file = folder.path().join(key);
