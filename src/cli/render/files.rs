@@ -60,18 +60,22 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
         make(folder)?;
     }
     let metrics = Metrics::new("render");
-    let (mut lists, making) = origin.start()?;
+    let (lists, making) = origin.start()?;
     let outcome = match target {
-        Target::File { path, is_exr } => match lists.link.receive() {
-            Some(list) => {
-                metrics.frames.add(1);
-                renderer
-                    .draw(&list.lights, &camera, samples(arguments))
-                    .and_then(|()| PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr))
+        Target::File { path, is_exr } => {
+            // Dropped before the end is waited for: who makes the lists may wait for room in it.
+            let mut link = lists.link;
+            match link.receive() {
+                Some(list) => {
+                    metrics.frames.add(1);
+                    renderer
+                        .draw(&list.lights, &camera, samples(arguments))
+                        .and_then(|()| PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr))
+                }
+                None if shutdown.is_requested() => Ok(()),
+                None => Err(Error::failed("gave no light list").at(input.name())),
             }
-            None if shutdown.is_requested() => Ok(()),
-            None => Err(Error::failed("gave no light list").at(input.name())),
-        },
+        }
         Target::Folder(folder) => {
             let progress = Progress::of(lists.count, "lists");
             let files = Files { folder: folder.clone(), are_exr: false };
