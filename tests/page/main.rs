@@ -64,7 +64,7 @@ fn the_numbers_of_the_server_are_shown(browser: &Browser) {
     let first = browser.value(map).as_f64().unwrap();
     browser.until(&format!("{map} > {first}"));
     browser.until("document.getElementById('map-note').textContent.includes('rim at 90°')");
-    for stage in ["source", "calibrate", "light", "filter", "publish"] {
+    for stage in ["source", "calibrate", "light", "filter", "board"] {
         let row = format!(
             "[...document.querySelectorAll('#stage-rows tr')].some((row) => row.children[0].textContent === '{stage}' \
              && Number(row.children[1].textContent) > 0 && Number(row.children[3].textContent.replace(/,/g, '')) > 0)"
