@@ -32,7 +32,7 @@ fn an_unreadable_key_is_refused_with_file_line_and_key() {
 
 #[test]
 fn a_value_that_only_its_algorithm_can_judge_is_refused_with_file_line_and_key() {
-    refused(&format!("{SOURCE}[lights]\ncount = 0\n"), &["line 5", "count: 0"]);
+    refused(&format!("{SOURCE}[lights]\ncount = 0\n"), &["line 5", "count = 0"]);
     refused(&format!("{SOURCE}[filter]\npass_hz = 7.0\nstop_hz = 2.0\n"), &["line 6", "stop_hz = 2"]);
 }
 

@@ -81,13 +81,12 @@ fn a_sequence_gives_numbered_pictures_and_the_same_each_time() {
     let names = names(&first);
     assert_eq!(names, ["frame_00004.png", "frame_00008.png"], "those of which `run --pictures` draws maps");
     assert!(render(&recording.configuration(), &second, &["--every", "4"]).unwrap().status.success());
-    let single = recording.path().join("first.png");
-    assert!(render(&recording.configuration(), &single, &[]).unwrap().status.success());
-    assert_eq!(
-        fs::read(single).unwrap(),
-        fs::read(first.join("frame_00000.png")).unwrap(),
-        "a file gets the first"
-    );
+    let (single, all) = (recording.path().join("first.png"), recording.path().join("all"));
+    for output in [&single, &all] {
+        assert!(render(&recording.configuration(), output, &["--every", "1"]).unwrap().status.success());
+    }
+    let first_of_all = all.join("frame_00000.png");
+    assert_eq!(fs::read(single).unwrap(), fs::read(first_of_all).unwrap(), "a file gets the first");
     for name in names {
         assert_eq!(fs::read(first.join(&name)).unwrap(), fs::read(second.join(&name)).unwrap(), "{name}");
     }
