@@ -304,21 +304,27 @@ fn slow_reader_loses_lists_and_no_frames() {
     let written = |live: &Live| live.summary().stage("publish").unwrap().frames.get();
     live.until("a list", |live| written(live) > 0);
     let shut = live.lines().shut();
-    // More than wait for a file.
-    feed(&mut writer, &live, 1, 160);
+    // More lists than wait for a file, each made before the next picture is shown.
+    let made = |live: &Live| live.summary().lists_made();
+    let mut show = |live: &Live, number: u32| {
+        let before = made(live);
+        feed(&mut writer, live, number, number);
+        live.until("made a list", |live| made(live) > before);
+    };
+    (1..=140).for_each(|number| show(&live, number));
     assert_eq!(live.count(DROPPED), 0, "{}", live.summary());
     // One list was on its way before the door was shut.
     assert!(written(&live) <= 2, "{}", live.summary());
     drop(shut);
     live.until("written", |live| written(live) > 100);
-    feed(&mut writer, &live, 161, 164);
+    (141..=144).for_each(|number| show(&live, number));
     let ended = live.end();
-    assert_eq!(ended.summary.stage("source").unwrap().frames.get(), 165);
+    assert_eq!(ended.summary.stage("source").unwrap().frames.get(), 145);
     assert_eq!(ended.count(DROPPED), 0);
     let drops: u64 = ended.summary.stages().iter().map(|stage| stage.drops.get()).sum();
-    assert!(drops >= 20, "{}", ended.summary);
-    assert_eq!(ended.stamps.len() as u64 + drops, 165);
-    assert_eq!(ended.stamps.last().unwrap().0, 164, "the newest comes through");
+    assert!(drops >= 5, "{}", ended.summary);
+    assert_eq!(ended.stamps.len() as u64 + drops, 145);
+    assert_eq!(ended.stamps.last().unwrap().0, 144, "the newest comes through");
     assert!(ended.longest_gap() > 0);
 }
 
