@@ -143,7 +143,7 @@ fn counts_beyond_reason_are_refused() {
     for count in [0, super::MAX_LIGHTS + 1, usize::MAX] {
         let error = refused(&Options { count, ..Options::default() });
         assert_eq!(error.kind(), Kind::Usage);
-        assert!(error.to_string().starts_with("count: "), "{error}");
+        assert!(error.to_string().starts_with(&format!("count = {count}: ")), "{error}");
     }
     assert!(refused(&Options { relaxation_steps: 101, ..Options::default() }).to_string().contains("101"));
 }
