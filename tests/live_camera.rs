@@ -6,8 +6,8 @@
 use lightcast::config::Config;
 use lightcast::error::{Error, Result};
 use lightcast::rt::Shutdown;
-use lightcast::service::{Ends, Input, Output, RecordOptions, Service};
-use lightcast::source::{BadBuffer, Camera, Captured, FrameFormat, Mark};
+use lightcast::service::{Ends, OpenedSource, Output, RecordOptions, Service};
+use lightcast::source::{BadBuffer, Captured, FrameFormat, LiveCamera, Mark};
 use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::collections::VecDeque;
 use std::fs;
@@ -51,7 +51,7 @@ fn picture(number: u64, frame: &mut Frame) {
     frame.pixels = Pixels::Codes((0..SIDE * SIDE).map(code).collect());
 }
 
-impl Camera for Scripted {
+impl LiveCamera for Scripted {
     fn start(&mut self) -> Result<()> {
         Ok(())
     }
@@ -88,7 +88,7 @@ impl Camera for Scripted {
     fn stop(&mut self) {}
 }
 
-fn input(events: &[Event], shutdown: &Shutdown) -> Input {
+fn input(events: &[Event], shutdown: &Shutdown) -> OpenedSource {
     let format = FrameFormat {
         width: SIDE,
         height: SIDE,
@@ -99,7 +99,11 @@ fn input(events: &[Event], shutdown: &Shutdown) -> Input {
         frame_rate_hz: RATE_HZ,
     };
     let events = events.iter().copied().collect();
-    Input::camera(format, "scripted".to_owned(), Scripted { events, number: 0, shutdown: shutdown.clone() })
+    OpenedSource::camera(
+        format,
+        "scripted".to_owned(),
+        Scripted { events, number: 0, shutdown: shutdown.clone() },
+    )
 }
 
 /// A configuration that plays `folder/recording`.
@@ -134,13 +138,13 @@ impl Write for Lines {
 /// Runs the service; its lists as text, and its summary.
 fn run(
     config: &Config,
-    input: Option<Input>,
+    input: Option<OpenedSource>,
     recording: Option<RecordOptions>,
     shutdown: &Shutdown,
 ) -> (String, String, Result<()>) {
     let lines = Lines::default();
     let ends = Ends { recording, output: Some(Output::new("memory", lines.clone())), ..Ends::default() };
-    let input = input.unwrap_or_else(|| Input::open(config).unwrap());
+    let input = input.unwrap_or_else(|| OpenedSource::open(config).unwrap());
     let service = Service::start_with(config, input, ends, shutdown).unwrap();
     let summary = service.summary();
     let outcome = service.join(Duration::from_millis(1), || ());

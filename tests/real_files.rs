@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use lightcast::files::{Attributes, read};
-use lightcast::source::{Next, Sequence, SequenceOptions, Source};
+use lightcast::source::{FrameSource, Next, Sequence, SequenceOptions};
 use lightcast_core::image::{Frame, LatLongCentres, Pixels, luminance};
 use std::f64::consts::PI;
 use std::fs;

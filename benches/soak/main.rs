@@ -12,8 +12,8 @@ use lightcast::calibrate::Calibration;
 use lightcast::config::Config;
 use lightcast::error::Result;
 use lightcast::rt::Shutdown;
-use lightcast::service::{Ends, Input, Output, RecordOptions, Service, Summary};
-use lightcast::source::{Camera, Captured, FrameFormat, Mark};
+use lightcast::service::{Ends, OpenedSource, Output, RecordOptions, Service, Summary};
+use lightcast::source::{Captured, FrameFormat, LiveCamera, Mark};
 use lightcast_core::camera::{Response, ResponseModel};
 use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::fs;
@@ -55,7 +55,7 @@ impl Calculated {
     }
 }
 
-impl Camera for Calculated {
+impl LiveCamera for Calculated {
     fn start(&mut self) -> Result<()> {
         self.start = Some(Instant::now());
         Ok(())
@@ -178,11 +178,11 @@ fn main() -> Result<()> {
         latlong_centres: LatLongCentres::Half,
         frame_rate_hz: RATE_HZ as f64,
     };
-    let input = Input::camera(format, "calculated".to_owned(), camera);
+    let source = OpenedSource::camera(format, "calculated".to_owned(), camera);
     let options = recording.clone().map(|folder| RecordOptions { folder, ..RecordOptions::default() });
     let output = Some(Output::new("nowhere", std::io::sink()));
     let ends = Ends { recording: options, output, ..Ends::default() };
-    let service = Service::start_with(&config, input, ends, &shutdown)?;
+    let service = Service::start_with(&config, source, ends, &shutdown)?;
     let summary = service.summary();
     let (started, start) = (Instant::now(), usage());
     let (mut forgotten, mut told) = (0, 0);

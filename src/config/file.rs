@@ -140,7 +140,7 @@ fn colour_matrix<'de, D: Deserializer<'de>>(value: D) -> Result<Option<ColourMat
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Links, Pace, Source};
+    use super::super::{Links, Pace, SourceOptions};
     use super::*;
     use crate::source::SequenceOptions;
 
@@ -154,7 +154,7 @@ mod tests {
     fn a_source_suffices_and_paths_are_relative_to_the_file() {
         let config = parse_with("").unwrap();
         let expected = SequenceOptions { path: "conf/sky/".into(), ..SequenceOptions::default() };
-        assert_eq!(config.source, Source::Sequence(expected));
+        assert_eq!(config.source, SourceOptions::Sequence(expected));
         assert_eq!((config.pace, config.links), (Pace::RealTime, Links::Replay));
         assert_eq!(config.map, PolarShape::hemisphere(360, 90));
         assert_eq!((config.lights, config.filter), (light::Options::default(), FilterOptions::default()));
@@ -169,7 +169,7 @@ mod tests {
     fn the_bundled_configuration_of_a_camera_is_sound_with_and_without_what_it_leaves_out() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/camera.toml");
         let text = std::fs::read_to_string(&path).unwrap();
-        let Source::Camera(_, None) =
+        let SourceOptions::Camera(_, None) =
             parse(TomlText { path: path.clone(), text: text.clone() }).unwrap().source
         else {
             panic!("no camera");
@@ -184,7 +184,7 @@ mod tests {
             })
             .collect();
         let config = parse(TomlText { path, text: with_all }).unwrap();
-        let Source::Camera(camera, Some(bracket)) = config.source else { panic!("no bracket") };
+        let SourceOptions::Camera(camera, Some(bracket)) = config.source else { panic!("no bracket") };
         assert_eq!((camera.controls.len(), camera.size, bracket.values.len()), (3, Some([1280, 720]), 3));
         assert_eq!(config.camera.projection, ProjectionKind::Fisheye);
     }
@@ -196,7 +196,7 @@ mod tests {
         let text = "[source]\nkind = \"camera\"\ndevice = \"cam\"\nformat = \"Y12\"\nsize = [1280, 720]\n\
                     controls = { exposure = 5, automatic = false, mode = \"Manual Mode\" }";
         let config = parse(TomlText { path: "a.toml".into(), text: text.into() }).unwrap();
-        let Source::Camera(source, None) = config.source else { panic!("{:?}", config.source) };
+        let SourceOptions::Camera(source, None) = config.source else { panic!("{:?}", config.source) };
         assert_eq!((config.pace, config.links), (Pace::RealTime, Links::Live));
         let controls = [
             ("exposure", ControlValue::Number(5)),

@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// Where the frames come from.
-    pub source: Source,
+    pub source: SourceOptions,
     /// How fast they come.
     pub pace: Pace,
     /// What happens when a stage is slower than they come.
@@ -45,7 +45,7 @@ pub struct Config {
 
 /// Where frames come from.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Source {
+pub enum SourceOptions {
     /// Numbered files.
     Sequence(SequenceOptions),
     /// A live camera, and the exposures that it goes round.

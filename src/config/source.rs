@@ -1,6 +1,6 @@
 //! The keys of `[source]`.
 
-use super::{Links, Pace, Source};
+use super::{Links, Pace, SourceOptions};
 use crate::error::{Error, Place, Result};
 use crate::source::SequenceOptions;
 #[cfg(feature = "camera")]
@@ -60,7 +60,7 @@ const BUFFERS_MAX: u32 = 32;
 
 impl SourceKeys {
     /// The options; paths are relative to `folder`.
-    pub(super) fn check(self, folder: &Path) -> Result<(Source, Pace, Links)> {
+    pub(super) fn check(self, folder: &Path) -> Result<(SourceOptions, Pace, Links)> {
         match self.kind {
             Kind::Sequence => self.sequence(folder),
             #[cfg(feature = "camera")]
@@ -68,7 +68,7 @@ impl SourceKeys {
         }
     }
 
-    fn sequence(self, folder: &Path) -> Result<(Source, Pace, Links)> {
+    fn sequence(self, folder: &Path) -> Result<(SourceOptions, Pace, Links)> {
         #[cfg(feature = "camera")]
         refuse(
             "sequence",
@@ -98,11 +98,11 @@ impl SourceKeys {
             repeat,
             bayer: self.bayer,
         };
-        Ok((Source::Sequence(options), self.pace.unwrap_or_default(), self.links.unwrap_or_default()))
+        Ok((SourceOptions::Sequence(options), self.pace.unwrap_or_default(), self.links.unwrap_or_default()))
     }
 
     #[cfg(feature = "camera")]
-    fn camera(self) -> Result<(Source, Pace, Links)> {
+    fn camera(self) -> Result<(SourceOptions, Pace, Links)> {
         refuse(
             "camera",
             &[
@@ -131,7 +131,7 @@ impl SourceKeys {
             buffers,
         };
         // A camera does not wait: live unless told otherwise.
-        Ok((Source::Camera(options, self.bracket), Pace::RealTime, self.links.unwrap_or(Links::Live)))
+        Ok((SourceOptions::Camera(options, self.bracket), Pace::RealTime, self.links.unwrap_or(Links::Live)))
     }
 }
 

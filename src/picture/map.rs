@@ -18,14 +18,14 @@ const FULL_RADIUS: f64 = 1.0 / 12.0;
 
 /// Where directions fall on the picture.
 #[derive(Clone, Copy)]
-enum View {
+enum MapView {
     /// Azimuthal equidistant about +Y: theta from the centre, phi anticlockwise from the right, as seen from below.
     Disc { side: usize },
     /// Columns are phi, rows are theta.
     Panorama { width: usize, height: usize },
 }
 
-impl View {
+impl MapView {
     fn of(theta_max_rad: f64, width: usize) -> Self {
         if theta_max_rad <= WIDEST_DISC_RAD {
             Self::Disc { side: width }
@@ -71,7 +71,7 @@ impl View {
 #[derive(Clone)]
 pub struct MapBackground {
     canvas: Canvas,
-    view: View,
+    view: MapView,
     theta_max_rad: f64,
 }
 
@@ -79,7 +79,7 @@ impl MapBackground {
     /// A picture `width` pixels wide, at least 1; its height follows the map.
     pub fn new(map: &PolarMap, width: usize) -> Self {
         let shape = map.shape;
-        let view = View::of(shape.theta_max_rad(), width.max(1));
+        let view = MapView::of(shape.theta_max_rad(), width.max(1));
         let tone = ToneCurve::for_pixels(&map.pixels);
         let (width, height) = view.size();
         let canvas = Canvas::from_fn(width, height, |x, y| {
@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn a_light_is_drawn_where_its_pixel_is() {
         for shape in [PolarShape::hemisphere(36, 9), PolarShape::sphere(36, 18)] {
-            let view = View::of(shape.theta_max_rad(), SIZE);
+            let view = MapView::of(shape.theta_max_rad(), SIZE);
             for (theta, phi) in [(0.3, 1.0), (1.2, 4.0), (1.5, 6.2)] {
                 let (x, y) = view.position(theta / shape.theta_max_rad(), phi);
                 let (t, p) = view.angles(x, y).unwrap();

@@ -141,14 +141,14 @@ enum Hit {
 }
 
 /// A pinhole camera that looks at the scene from above.
-struct Camera {
+struct Pinhole {
     eye: DVec3,
     right: DVec3,
     up: DVec3,
     forward: DVec3,
 }
 
-impl Camera {
+impl Pinhole {
     fn new() -> Self {
         let eye = DVec3::new(0.0, 2.0, 3.6);
         let forward = (DVec3::new(0.0, 0.22, 0.0) - eye).normalize_or(DVec3::NEG_Z);
@@ -197,7 +197,7 @@ pub fn draw_scene(map: &PolarMap, lights: &[Light]) -> Canvas {
 /// What the camera sees: patches of surface, and each pixel's share of backdrop. Every surface in a pixel is one
 /// patch, at its mean position.
 fn patches() -> (Vec<Patch>, Vec<f32>) {
-    let camera = Camera::new();
+    let camera = Pinhole::new();
     let (mut patches, mut backdrop_shares) = (Vec::new(), Vec::with_capacity(WIDTH * HEIGHT));
     for pixel in 0..WIDTH * HEIGHT {
         let (mut normal, mut normals) = (DVec3::ZERO, 0u8);

@@ -11,12 +11,12 @@
 mod camera;
 mod ends;
 mod graph;
-mod input;
+mod opened_source;
 mod recorder;
 mod summary;
 
 pub use ends::{Ends, ListReader, Output, Pictures};
-pub use input::Input;
+pub use opened_source::OpenedSource;
 pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
 
@@ -59,17 +59,22 @@ impl Service {
     /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can be
     /// read; those of opening the output; those of the system for threads and folders.
     pub fn start(config: &Config, ends: Ends, shutdown: &Shutdown) -> Result<Self> {
-        Self::start_with(config, Input::open(config)?, ends, shutdown)
+        Self::start_with(config, OpenedSource::open(config)?, ends, shutdown)
     }
 
-    /// As [`Self::start`], with frames from `input` and not from what `config` names.
+    /// As [`Self::start`], with frames from `source` and not from what `config` names.
     ///
     /// # Errors
     /// As [`Self::start`].
-    pub fn start_with(config: &Config, input: Input, ends: Ends, shutdown: &Shutdown) -> Result<Self> {
-        let frame_count = input.frame_count();
+    pub fn start_with(
+        config: &Config,
+        source: OpenedSource,
+        ends: Ends,
+        shutdown: &Shutdown,
+    ) -> Result<Self> {
+        let frame_count = source.frame_count();
         let board = ends.board.clone();
-        let running = light_graph(config, input, ends, shutdown)?.start()?;
+        let running = light_graph(config, source, ends, shutdown)?.start()?;
         if let Some(board) = &board {
             board.show_stages(running.summary.stages().to_vec());
         }
@@ -85,10 +90,10 @@ impl Service {
         extractor(config)?;
         filter(config)?;
         camera::calibration(config)?;
-        if matches!(config.source, config::Source::Sequence(_)) {
-            let input = Input::open(config)?;
-            camera::frame_to_polar(config, input.format(), input.name())?;
-            taps(config, &input)?;
+        if matches!(config.source, config::SourceOptions::Sequence(_)) {
+            let source = OpenedSource::open(config)?;
+            camera::frame_to_polar(config, source.format(), source.name())?;
+            taps(config, &source)?;
         }
         Ok(())
     }
@@ -98,13 +103,13 @@ impl Service {
     /// # Errors
     /// As [`Self::start`].
     pub fn record(config: &Config, options: &RecordOptions, shutdown: &Shutdown) -> Result<Self> {
-        let input = Input::open(config)?;
-        let frame_count = input.frame_count();
+        let source = OpenedSource::open(config)?;
+        let frame_count = source.frame_count();
         let metrics = Metrics::new("record");
-        let record = recorder::recorder(config, options, &input, &metrics)?;
-        let link = recorder::recorder_link(options, &input, &metrics, shutdown);
-        let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
-        let frames = input.source(&mut graph).copies(link, 1);
+        let record = recorder::recorder(config, options, &source, &metrics)?;
+        let link = recorder::recorder_link(options, &source, &metrics, shutdown);
+        let mut graph = Graph::new(source.clock(config.pace == Pace::Fast), shutdown);
+        let frames = source.add_to(&mut graph).copies(link, 1);
         graph.end(metrics, record, frames, Departure::EndsAll);
         Ok(Self { running: graph.start()?, frame_count })
     }
@@ -120,10 +125,10 @@ impl Service {
         shutdown: &Shutdown,
         mut each: impl FnMut(&Frame) -> Result<()>,
     ) -> Result<()> {
-        let input = Input::open(config)?;
-        let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
+        let source = OpenedSource::open(config)?;
+        let mut graph = Graph::new(source.clock(config.pace == Pace::Fast), shutdown);
         let link = link::bounded(LINK_CAPACITY, shutdown, Frame::default);
-        let mut frames = input.source(&mut graph).next(link);
+        let mut frames = source.add_to(&mut graph).next(link);
         let running = graph.start()?;
         let mut outcome = Ok(());
         for _ in 0..count {
@@ -161,9 +166,9 @@ impl Service {
 }
 
 /// Everything that makes lights of frames, and everybody who gets them, in the order of the data.
-fn light_graph(config: &Config, input: Input, mut ends: Ends, shutdown: &Shutdown) -> Result<Graph> {
+fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: &Shutdown) -> Result<Graph> {
     let wants_lists = ends.want_lists();
-    let opened = Opened::new(config, &input, &mut ends, shutdown)?;
+    let opened = Opened::new(config, &source, &mut ends, shutdown)?;
     let Ends { maps: maps_in, lists: lists_in, board, pictures, readers, .. } = ends;
     // Where clients are served, an end that goes or is slow is its own affair.
     let (waits, departure) = match (&board, config.links) {
@@ -172,10 +177,10 @@ fn light_graph(config: &Config, input: Input, mut ends: Ends, shutdown: &Shutdow
     };
     let files = FileLinks { waits, shutdown };
     let black = || PolarMap::black(config.map);
-    let epoch = input.epoch();
+    let epoch = source.epoch();
 
-    let mut graph = Graph::new(input.clock(config.pace == Pace::Fast), shutdown);
-    let frames = input.source(&mut graph);
+    let mut graph = Graph::new(source.clock(config.pace == Pace::Fast), shutdown);
+    let frames = source.add_to(&mut graph);
     if let Some((metrics, record, link)) = opened.recorder {
         graph.end(metrics, record, frames.copies(link, 1), Departure::IsTold);
     }
@@ -247,18 +252,18 @@ struct Opened {
 
 impl Opened {
     /// The output comes last: a start that fails leaves an old file alone.
-    fn new(config: &Config, input: &Input, ends: &mut Ends, shutdown: &Shutdown) -> Result<Self> {
-        let (frame_to_polar, response) = camera::frame_to_polar(config, input.format(), input.name())?;
+    fn new(config: &Config, source: &OpenedSource, ends: &mut Ends, shutdown: &Shutdown) -> Result<Self> {
+        let (frame_to_polar, response) = camera::frame_to_polar(config, source.format(), source.name())?;
         let metrics = Metrics::new("calibrate");
         let calibrate = stage::Calibrate::new(frame_to_polar, response, &metrics);
         let (light, filter) = (stage::Light(extractor(config)?), stage::Filter(filter(config)?));
-        let delay_frames = taps(config, input)?.delay_frames();
+        let delay_frames = taps(config, source)?.delay_frames();
         let recorder = match &ends.recording {
             None => None,
             Some(options) => {
                 let metrics = Metrics::new("record");
-                let record = recorder::recorder(config, options, input, &metrics)?;
-                let link = recorder::recorder_link(options, input, &metrics, shutdown);
+                let record = recorder::recorder(config, options, source, &metrics)?;
+                let link = recorder::recorder_link(options, source, &metrics, shutdown);
                 Some((metrics, record, link))
             }
         };
@@ -284,8 +289,8 @@ fn filter(config: &Config) -> Result<RateFilter> {
 }
 
 /// The filter designs its taps when it sees the first list; what no taps can do is told before.
-fn taps(config: &Config, input: &Input) -> Result<Taps> {
-    low_pass(input.format().frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))
+fn taps(config: &Config, source: &OpenedSource) -> Result<Taps> {
+    low_pass(source.format().frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))
 }
 
 /// Links to what writes files.

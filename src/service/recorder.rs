@@ -1,7 +1,7 @@
 //! Recordings of what a service captures.
 
 use super::camera;
-use super::input::Input;
+use super::opened_source::OpenedSource;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::rt::{Metrics, Shutdown, link};
@@ -54,28 +54,28 @@ pub enum RecordSamples {
 pub(super) fn recorder(
     config: &Config,
     options: &RecordOptions,
-    input: &Input,
+    source: &OpenedSource,
     metrics: &Metrics,
 ) -> Result<Record> {
     let response = camera::response(config)?;
     let table = match options.samples {
         RecordSamples::AsCaptured => None,
-        RecordSamples::Half => Some(table(input, &response)?),
+        RecordSamples::Half => Some(table(source, &response)?),
     };
     // A calibration's text is JSON.
     let calibration = camera::calibration(config)?.and_then(|own| serde_json::from_str(&own.to_json()).ok());
-    let recording = input.recording(calibration);
+    let recording = source.recording(calibration);
     Record::new(options.folder.clone(), recording, table, options.frames_max, metrics)
 }
 
 /// The way to a recorder: files wait for it, a camera cannot.
 pub(super) fn recorder_link(
     options: &RecordOptions,
-    input: &Input,
+    source: &OpenedSource,
     metrics: &Metrics,
     shutdown: &Shutdown,
 ) -> (link::Sender<Frame>, link::Receiver<Frame>) {
-    if input.waits() {
+    if source.waits() {
         link::bounded(options.queue, shutdown, Frame::default)
     } else {
         link::lossy(options.queue, metrics.drops.clone(), shutdown, Frame::default)
@@ -83,12 +83,12 @@ pub(super) fn recorder_link(
 }
 
 /// Radiance by code.
-fn table(input: &Input, response: &Response) -> Result<Vec<f32>> {
-    let fault = |what: &str| Err(Error::usage(what).at(input.name()));
-    if !input.format().is_codes {
+fn table(source: &OpenedSource, response: &Response) -> Result<Vec<f32>> {
+    let fault = |what: &str| Err(Error::usage(what).at(source.name()));
+    if !source.format().is_codes {
         return Ok(Vec::new());
     }
-    if input.format().bayer.is_some() {
+    if source.format().bayer.is_some() {
         return fault("frames of a mosaic sensor can be recorded as they come only, not as half floats");
     }
     if response.is_identity() {

@@ -1,7 +1,7 @@
 //! High dynamic range from an ordinary camera: its exposure goes round a list of values, and every round becomes one
 //! frame of radiance, at the camera's rate divided by the number of values.
 
-use super::live::{BadBuffer, Camera, Captured, Mark};
+use super::live::{BadBuffer, Captured, LiveCamera, Mark};
 use crate::error::{Error, Place, Result};
 use crate::rt::{Counter, Metrics};
 use lightcast_core::camera::{ExposureMerge, Response, SensorNoise};
@@ -11,11 +11,11 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 /// A camera whose exposure can be set while it streams.
-pub trait ExposureControl: Camera {
+pub trait ExposureControl: LiveCamera {
     /// Sets the exposure to a value in the driver's unit.
     ///
     /// # Errors
-    /// As [`Camera::start`].
+    /// As [`LiveCamera::start`].
     fn set_exposure(&mut self, value: i64) -> Result<()>;
 }
 
@@ -143,7 +143,7 @@ impl<C: ExposureControl> Bracket<C> {
     }
 }
 
-impl<C: ExposureControl> Camera for Bracket<C> {
+impl<C: ExposureControl> LiveCamera for Bracket<C> {
     fn start(&mut self) -> Result<()> {
         self.plan.restart();
         self.last = None;

@@ -5,7 +5,7 @@ use lightcast_core::image::{Frame, Stamp};
 use std::time::Duration;
 
 /// A device that gives frames at its own pace and may be lost at any time.
-pub trait Camera: Send {
+pub trait LiveCamera: Send {
     /// Opens the device and starts it, the first time or again after a loss.
     ///
     /// # Errors
@@ -22,7 +22,7 @@ pub trait Camera: Send {
     fn stop(&mut self);
 }
 
-impl<C: Camera + ?Sized> Camera for Box<C> {
+impl<C: LiveCamera + ?Sized> LiveCamera for Box<C> {
     fn start(&mut self) -> Result<()> {
         (**self).start()
     }

@@ -1,7 +1,7 @@
 //! Where frames come from: recorded sequences of files ([`Sequence`]), calculated ones ([`synthetic`]) and live cameras
-//! ([`Camera`], `v4l2`).
+//! ([`LiveCamera`], `v4l2`).
 //!
-//! A [`Source`] delivers as fast as it is asked; a stage with a clock asks at the right time. A camera has its own
+//! A [`FrameSource`] delivers as fast as it is asked; a stage with a clock asks at the right time. A camera has its own
 //! pace; a stage waits for it, and starts it again when it was lost.
 
 mod bracket;
@@ -13,7 +13,7 @@ pub mod synthetic;
 pub mod v4l2;
 
 pub use bracket::{Bracket, BracketOptions, ExposureControl};
-pub use live::{BadBuffer, Camera, Captured, Mark, Numbered, Numbering};
+pub use live::{BadBuffer, Captured, LiveCamera, Mark, Numbered, Numbering};
 pub use sequence::{FrameFormat, Sequence, SequenceOptions};
 
 use crate::error::Result;
@@ -29,7 +29,7 @@ pub enum Next {
 }
 
 /// Where frames come from.
-pub trait Source: Send {
+pub trait FrameSource: Send {
     /// Fills `frame`, whose buffers are reused, with the next picture and its stamp.
     ///
     /// # Errors

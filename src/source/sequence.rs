@@ -13,7 +13,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Next, Source, pattern};
+use super::{FrameSource, Next, pattern};
 use crate::error::{Error, Result};
 use crate::files::{Attributes, read};
 use lightcast_core::image::{Bayer, Frame, LatLongCentres, Pixels};
@@ -227,7 +227,7 @@ fn first_readable<'a>(
     Err(fault)
 }
 
-impl Source for Sequence {
+impl FrameSource for Sequence {
     fn next(&mut self, frame: &mut Frame) -> Result<Next> {
         if self.index == self.files.len() {
             if !self.repeat {

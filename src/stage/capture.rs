@@ -1,7 +1,7 @@
 use crate::error::{Error, Kind, Result};
 use crate::rt::stage::{Flow, Stage, Tick};
 use crate::rt::{BackOff, Clock, Counter, Metrics, Shutdown};
-use crate::source::{BadBuffer, Camera, Captured, Numbering};
+use crate::source::{BadBuffer, Captured, LiveCamera, Numbering};
 use lightcast_core::image::Frame;
 use std::time::Duration;
 
@@ -87,7 +87,7 @@ pub const ATTEMPTS: &str = "attempts to start the camera";
 /// Longest time in one wait for the camera: a request to end is seen between two waits.
 const GLANCE: Duration = Duration::from_millis(50);
 
-impl<C: Camera> Capture<C> {
+impl<C: LiveCamera> Capture<C> {
     /// Frames of `camera`, which takes `frame_rate_hz` (0: unknown); its losses go to named counters of `metrics`.
     pub fn new(
         camera: C,
@@ -193,7 +193,7 @@ impl<C: Camera> Capture<C> {
     }
 }
 
-impl<C: Camera> Stage for Capture<C> {
+impl<C: LiveCamera> Stage for Capture<C> {
     type Input = Tick;
     type Output = Frame;
 

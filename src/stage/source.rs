@@ -14,14 +14,14 @@ pub struct Source<S> {
     epoch: CaptureEpoch,
 }
 
-impl<S: source::Source> Source<S> {
+impl<S: source::FrameSource> Source<S> {
     /// Frames of `source`, paced by `clock`; `epoch` learns when that is, where time is real.
     pub fn new(source: S, clock: &Clock, epoch: CaptureEpoch) -> Self {
         Self { source, clock: clock.clone(), start_ns: None, epoch }
     }
 }
 
-impl<S: source::Source> Stage for Source<S> {
+impl<S: source::FrameSource> Stage for Source<S> {
     type Input = Tick;
     type Output = Frame;
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Where the lights come from.
-pub enum Source {
+pub enum LightSource {
     /// Lights that stand still.
     Still(Vec<Light>),
     /// Lists that arrive through a `latest` link.
@@ -31,14 +31,14 @@ pub(super) struct Feed {
 }
 
 impl Feed {
-    pub fn new(source: Source) -> Self {
+    pub fn new(source: LightSource) -> Self {
         let mut list = LightList::default();
         let (lists, maps, metrics) = match source {
-            Source::Still(lights) => {
+            LightSource::Still(lights) => {
                 list.lights = lights;
                 (None, None, None)
             }
-            Source::Live { lists, maps, metrics } => (Some(lists), maps, Some(metrics)),
+            LightSource::Live { lists, maps, metrics } => (Some(lists), maps, Some(metrics)),
         };
         Self { lists, maps, metrics, list, arrived: None }
     }
@@ -118,7 +118,7 @@ mod tests {
         let shutdown = Shutdown::new();
         let (mut sender, receiver) = link::latest(&shutdown, LightList::default);
         let metrics = Metrics::new("window");
-        let mut feed = Feed::new(Source::Live { lists: receiver, maps: None, metrics: metrics.clone() });
+        let mut feed = Feed::new(LightSource::Live { lists: receiver, maps: None, metrics: metrics.clone() });
         let now = Instant::now();
         assert!(!feed.poll(now) && !feed.is_ready() && feed.state(now).is_none());
         for sequence in 0..5 {
@@ -138,7 +138,8 @@ mod tests {
         let shutdown = Shutdown::new();
         let (_lists, lists) = link::latest(&shutdown, LightList::default);
         let (mut sender, maps) = link::latest(&shutdown, || PolarMap::black(PolarShape::hemisphere(4, 1)));
-        let mut feed = Feed::new(Source::Live { lists, maps: Some(maps), metrics: Metrics::new("window") });
+        let mut feed =
+            Feed::new(LightSource::Live { lists, maps: Some(maps), metrics: Metrics::new("window") });
         let mut seen = Vec::new();
         feed.poll_map(|map| seen.push(map.stamp.sequence));
         for sequence in 1..4 {
@@ -155,7 +156,7 @@ mod tests {
 
     #[test]
     fn lights_that_stand_still_are_there_at_once_and_never_end() {
-        let mut feed = Feed::new(Source::Still(Vec::new()));
+        let mut feed = Feed::new(LightSource::Still(Vec::new()));
         assert!(!feed.poll(Instant::now()) && feed.is_ready() && !feed.has_ended() && !feed.is_live());
     }
 }

@@ -8,15 +8,15 @@
 mod command;
 mod feed;
 mod inset;
+mod open_window;
 mod orbit;
 mod pointer;
 mod quality;
 mod screen;
 mod title;
-mod view;
 
 pub use command::KEYS;
-pub use feed::Source;
+pub use feed::LightSource;
 
 use crate::error::{Error, Result};
 use crate::gpu::Backend;
@@ -26,8 +26,8 @@ use crate::rt::Shutdown;
 use crate::scene::{Camera, Scene};
 use command::Command;
 use lightcast_core::image::PolarMap;
+use open_window::OpenWindow;
 use std::time::{Duration, Instant};
-use view::View;
 use winit::application::ApplicationHandler;
 use winit::event::{ElementState, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
@@ -86,7 +86,7 @@ impl Display {
         self,
         settings: Settings,
         scene: Scene,
-        source: Source,
+        source: LightSource,
         camera: FirstCamera,
         shutdown: &Shutdown,
     ) -> Result<()> {
@@ -101,7 +101,7 @@ impl Display {
 struct Start<'a> {
     settings: Settings,
     scene: Scene,
-    source: Source,
+    source: LightSource,
     camera: FirstCamera<'a>,
 }
 
@@ -109,7 +109,7 @@ struct Start<'a> {
 struct App<'a> {
     /// Until there is a view.
     start: Option<Start<'a>>,
-    view: Option<View>,
+    view: Option<OpenWindow>,
     outcome: Result<()>,
     shutdown: &'a Shutdown,
 }
@@ -128,7 +128,7 @@ impl App<'_> {
 impl ApplicationHandler for App<'_> {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
         if let Some(start) = self.start.take() {
-            match View::open(event_loop, start.settings, start.scene, start.source, start.camera) {
+            match OpenWindow::open(event_loop, start.settings, start.scene, start.source, start.camera) {
                 Ok(view) => self.view = Some(view),
                 Err(error) => self.end_on_error(event_loop, Err(error)),
             }

@@ -8,7 +8,7 @@ use crate::loopback::Loopback;
 use crate::vivid::{self, Output};
 use lightcast::error::Kind;
 use lightcast::source::v4l2::{ControlKind, ControlValue, V4l2Camera, V4l2Options, devices};
-use lightcast::source::{Camera, Captured, Mark};
+use lightcast::source::{Captured, LiveCamera, Mark};
 use lightcast_core::image::{Bayer, Frame, Pixels};
 use std::time::Duration;
 

@@ -8,8 +8,8 @@ use crate::loopback::{Loopback, wait};
 use crate::messages;
 use crate::vivid::{self, Fault};
 use lightcast::files::read;
-use lightcast::service::{Input, RecordOptions};
-use lightcast::source::Camera as _;
+use lightcast::service::{OpenedSource, RecordOptions};
+use lightcast::source::LiveCamera as _;
 use lightcast::source::v4l2::{V4l2Camera, V4l2Options};
 use lightcast_core::image::{Frame, Pixels};
 use std::fs;
@@ -213,7 +213,7 @@ fn camera_in_use_is_tried_until_it_is_free() {
     let folder = tempfile::tempdir().unwrap();
     let config = config(folder.path(), &camera(VIVID, layout(b"Y12 ")), layout(b"Y12 "), 0x0fff);
     messages::listen();
-    let input = Input::open(&config).unwrap();
+    let input = OpenedSource::open(&config).unwrap();
     let options = V4l2Options {
         device: VIVID.to_owned(),
         format: Some("Y12".to_owned()),

@@ -6,7 +6,7 @@ use crate::messages;
 use lightcast::config::Config;
 use lightcast::error::Result;
 use lightcast::rt::Shutdown;
-use lightcast::service::{Ends, Input, Output, RecordOptions, Service, Summary};
+use lightcast::service::{Ends, OpenedSource, Output, RecordOptions, Service, Summary};
 use std::env;
 use std::fs;
 use std::io::{self, Write};
@@ -135,10 +135,10 @@ pub struct Ended {
 impl Live {
     pub fn start(config: &Config, recording: Option<RecordOptions>) -> Self {
         messages::listen();
-        Self::start_with(config, Input::open(config).unwrap(), recording)
+        Self::start_with(config, OpenedSource::open(config).unwrap(), recording)
     }
 
-    pub fn start_with(config: &Config, input: Input, recording: Option<RecordOptions>) -> Self {
+    pub fn start_with(config: &Config, input: OpenedSource, recording: Option<RecordOptions>) -> Self {
         let (lines, shutdown, threads) = (Lines::default(), Shutdown::new(), threads());
         let output = Some(Output::new("memory", lines.clone()));
         let ends = Ends { recording, output, ..Ends::default() };

@@ -10,7 +10,7 @@ use crate::render::budget::BudgetOptions;
 use crate::render::{Look, Renderer};
 use crate::rt::{Metrics, Shutdown};
 use crate::scene::Scene;
-use crate::window::{Display, Settings, Source};
+use crate::window::{Display, LightSource, Settings};
 use lightcast_core::image::PolarMap;
 use std::path::Path;
 
@@ -54,7 +54,7 @@ impl Window<'_> {
         let map = read_panorama(path, map_shape(self.arguments.resolution, self.arguments.hemisphere)?)?;
         let scene = scene(self.arguments)?;
         let lights = lights_of_map(self.arguments, &scene, &map)?;
-        self.show(Source::Still(lights), scene, map)
+        self.show(LightSource::Still(lights), scene, map)
     }
 
     fn show_lists(self, input: &Input) -> Result<()> {
@@ -62,13 +62,13 @@ impl Window<'_> {
         let scene = scene(self.arguments)?;
         let (Lists { link, maps, shape, .. }, making) = origin.start()?;
         let metrics = Metrics::new("window");
-        let source = Source::Live { lists: link, maps, metrics: metrics.clone() };
+        let source = LightSource::Live { lists: link, maps, metrics: metrics.clone() };
         let shown = self.show(source, scene, PolarMap::black(shape));
         let ended = making.finish(metrics);
         shown.and(ended)
     }
 
-    fn show(self, source: Source, scene: Scene, map: PolarMap) -> Result<()> {
+    fn show(self, source: LightSource, scene: Scene, map: PolarMap) -> Result<()> {
         let Self { arguments, name, look, display, closing } = self;
         let options = options(arguments);
         let budget = arguments.budget.map(|budget_ms| {

@@ -1,11 +1,11 @@
 //! Recorded sequences: numbered panoramas, or whatever a configuration describes.
 
 use crate::compare::still_methods::SHAPE;
-use crate::config::{Config, Links, Pace, Source as ConfiguredSource};
+use crate::config::{Config, Links, Pace, SourceOptions};
 use crate::error::{Error, Kind, Result};
 use crate::rt::{Shutdown, link};
 use crate::service::{Ends, Service};
-use crate::source::{Next, Sequence, SequenceOptions, Source};
+use crate::source::{FrameSource, Next, Sequence, SequenceOptions};
 use glam::DMat3;
 use lightcast_core::camera::{FrameToPolar, Projection, Response};
 use lightcast_core::image::{Frame, PolarMap};
@@ -72,12 +72,12 @@ fn configuration(path: &Path) -> Result<(Config, (usize, f64))> {
     let mut config = Config::load(path)?;
     (config.map, config.links, config.pace) = (SHAPE, Links::Replay, Pace::Fast);
     let length = match &mut config.source {
-        ConfiguredSource::Sequence(options) => {
+        SourceOptions::Sequence(options) => {
             options.repeat = false;
             length(&Sequence::open(options)?)
         }
         #[cfg(feature = "camera")]
-        ConfiguredSource::Camera(..) => {
+        SourceOptions::Camera(..) => {
             return Err(Error::usage(
                 "a live camera gives other frames to every method; record it (`lightcast record`) and name the recording",
             )

@@ -36,7 +36,7 @@ fn mark(sequence: u32, late: u32) -> Mark {
 
 const RATE_HZ: f64 = 1e8;
 
-impl Camera for Scripted {
+impl LiveCamera for Scripted {
     fn start(&mut self) -> Result<()> {
         self.settings.clear();
         Ok(())

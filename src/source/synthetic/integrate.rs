@@ -14,14 +14,14 @@ const CELLS_MAX: usize = 256;
 
 /// Where pixels look.
 #[derive(Clone, Copy, Debug)]
-pub struct View {
+pub struct FrameView {
     /// Direction of a position in the camera frame.
     pub projection: Projection,
     /// Camera frame to world.
     pub world_from_camera: DMat3,
 }
 
-impl View {
+impl FrameView {
     /// Unit direction in the world of a position (half-pixel centres); `None` outside the field of view.
     fn direction(&self, x: f64, y: f64) -> Option<DVec3> {
         self.projection.unproject(DVec2::new(x, y)).map(|direction| self.world_from_camera * direction)
@@ -40,7 +40,7 @@ impl PixelIntegral {
     /// `cells x cells` cells; 0 outside of it.
     pub fn mean(
         &mut self,
-        view: &View,
+        view: &FrameView,
         [column, row]: [usize; 2],
         cells: usize,
         details: &[Detail],
@@ -80,7 +80,7 @@ impl PixelIntegral {
 }
 
 /// Cells across a pixel: `least`, or what the finest detail that it may see asks for.
-fn cells_needed(view: &View, [column, row]: [usize; 2], least: usize, details: &[Detail]) -> usize {
+fn cells_needed(view: &FrameView, [column, row]: [usize; 2], least: usize, details: &[Detail]) -> usize {
     let (x, y) = (column as f64, row as f64);
     let corners = [(x, y), (x + 1.0, y), (x + 1.0, y + 1.0), (x, y + 1.0)].map(|(x, y)| view.direction(x, y));
     let mut inside = corners.into_iter().flatten();
@@ -116,7 +116,7 @@ mod tests {
     use lightcast_core::math::zone_solid_angle;
     use std::f64::consts::{FRAC_PI_2, PI};
 
-    fn fisheye(side: usize, k: [f64; 4]) -> (View, Lens) {
+    fn fisheye(side: usize, k: [f64; 4]) -> (FrameView, Lens) {
         let f = 0.5 * side as f64 / 95f64.to_radians();
         let lens = Lens::new(LensParameters {
             width: side,
@@ -129,16 +129,16 @@ mod tests {
             field_of_view_rad: 185f64.to_radians(),
         })
         .unwrap();
-        (View { projection: Projection::Fisheye(lens), world_from_camera: LOOKING_UP }, lens)
+        (FrameView { projection: Projection::Fisheye(lens), world_from_camera: LOOKING_UP }, lens)
     }
 
-    fn lat_long(width: usize, height: usize) -> View {
+    fn lat_long(width: usize, height: usize) -> FrameView {
         let projection = Projection::LatLong { width, height, centres: LatLongCentres::Half };
-        View { projection, world_from_camera: DMat3::IDENTITY }
+        FrameView { projection, world_from_camera: DMat3::IDENTITY }
     }
 
     /// Solid angle of a pixel by 200 x 200 cells of two spherical triangles each (van Oosterom and Strackee 1983).
-    fn solid_angle(view: &View, column: usize, row: usize) -> f64 {
+    fn solid_angle(view: &FrameView, column: usize, row: usize) -> f64 {
         let n = 200;
         let at = |i: usize, j: usize| {
             view.direction(column as f64 + i as f64 / n as f64, row as f64 + j as f64 / n as f64)
@@ -160,7 +160,7 @@ mod tests {
     }
 
     /// Power in a picture of one emitter over the dark, over the closed form.
-    fn power_ratio(view: &View, sun: &Emitter) -> f64 {
+    fn power_ratio(view: &FrameView, sun: &Emitter) -> f64 {
         let details = [sun.detail()];
         let (width, height) = (view.projection.width(), view.projection.height());
         let mut integral = PixelIntegral::default();

@@ -14,20 +14,20 @@ mod integrate;
 mod noise;
 mod panorama;
 mod room;
-mod scene;
 mod script;
 mod sensor;
 mod sky;
+mod surroundings;
 
 pub use script::{FrameName, Script};
 
-use super::{Next, Source};
+use super::{FrameSource, Next};
 use crate::error::Result;
 use animation::gain;
 use integrate::PixelIntegral;
 use lightcast_core::camera::Projection;
 use lightcast_core::image::{Frame, Pixels, Stamp, luminance};
-use scene::SceneAt;
+use surroundings::SceneAt;
 
 /// The source that makes the frames of a script, one after the other, once.
 #[derive(Clone, Debug)]
@@ -86,7 +86,7 @@ impl Synthetic {
     }
 }
 
-impl Source for Synthetic {
+impl FrameSource for Synthetic {
     fn next(&mut self, frame: &mut Frame) -> Result<Next> {
         if self.next >= self.script.frames {
             return Ok(Next::End);

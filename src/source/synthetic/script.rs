@@ -4,12 +4,12 @@
 //! `[lat_long]`, `[fisheye]` how it is seen.
 
 use super::animation::Exposure;
-use super::integrate::View;
+use super::integrate::FrameView;
 use super::panorama::{Panorama, PanoramaOptions};
 use super::room::Room;
-use super::scene::Scene;
 use super::sensor::Noise;
 use super::sky::Sky;
+use super::surroundings::Surroundings;
 use crate::calibrate::Calibration;
 use crate::error::{Error, Kind, Place, Result, TomlText};
 use crate::files::{MAX_PIXELS, MAX_SIDE_PX, read};
@@ -39,9 +39,9 @@ pub struct Script {
     /// None for none.
     pub(super) noise: Option<Noise>,
     /// What there is to see.
-    pub(super) scene: Scene,
+    pub(super) scene: Surroundings,
     /// Where pixels look; the world for a lat-long picture.
-    pub(super) view: View,
+    pub(super) view: FrameView,
     /// What the sensor makes of radiance; the identity for frames of radiance.
     pub(super) response: Response,
 }
@@ -262,24 +262,28 @@ impl Keys {
             cells: self.cells_per_pixel,
             exposure: self.exposure,
             noise: self.noise,
-            scene: scene([self.sky.map(Scene::Sky), self.room.map(Scene::Room)], self.panorama, |options| {
-                load_panorama(options, self.frame_rate_hz, folder, data)
-            })?,
-            view: View { projection, world_from_camera },
+            scene: scene(
+                [self.sky.map(Surroundings::Sky), self.room.map(Surroundings::Room)],
+                self.panorama,
+                |options| load_panorama(options, self.frame_rate_hz, folder, data),
+            )?,
+            view: FrameView { projection, world_from_camera },
             response,
         })
     }
 }
 
 fn scene(
-    analytic: [Option<Scene>; 2],
+    analytic: [Option<Surroundings>; 2],
     panorama: Option<PanoramaOptions>,
     load: impl FnOnce(&PanoramaOptions) -> Result<Panorama>,
-) -> Result<Scene> {
+) -> Result<Surroundings> {
     let (section, scene) = match (analytic, panorama) {
-        ([Some(Scene::Sky(sky)), None], None) => ("sky", sky.check().map(|()| Scene::Sky(sky))),
-        ([None, Some(Scene::Room(room))], None) => ("room", room.check().map(|()| Scene::Room(room))),
-        ([None, None], Some(options)) => ("panorama", load(&options).map(Scene::Panorama)),
+        ([Some(Surroundings::Sky(sky)), None], None) => ("sky", sky.check().map(|()| Surroundings::Sky(sky))),
+        ([None, Some(Surroundings::Room(room))], None) => {
+            ("room", room.check().map(|()| Surroundings::Room(room)))
+        }
+        ([None, None], Some(options)) => ("panorama", load(&options).map(Surroundings::Panorama)),
         _ => return Err(Error::usage("sky, room or panorama: one of the three sections must be there")),
     };
     scene.map_err(|error| error.at(Place::key(section)))

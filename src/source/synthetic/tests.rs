@@ -1,4 +1,4 @@
-use super::integrate::View;
+use super::integrate::FrameView;
 use super::*;
 use crate::calibrate::Calibration;
 use crate::error::{Error, Kind, TomlText};
@@ -275,7 +275,7 @@ fn a_moving_sun_keeps_its_power_through_lens_and_polar_map() {
         path = [{ azimuth_deg = -40.0, elevation_deg = 4.0 }, { time_s = 1.6, azimuth_deg = 200.0, elevation_deg = 90.0 }]
     ";
     let mut source = Synthetic::new(parse(text).unwrap());
-    let View { projection, world_from_camera } = source.script().view;
+    let FrameView { projection, world_from_camera } = source.script().view;
     let shape = PolarShape::hemisphere(360, 90);
     let mut matrix = FrameToPolar::new(&projection, world_from_camera, shape).unwrap();
     let (mut frame, mut map) = (Frame::default(), PolarMap::black(shape));
@@ -310,7 +310,7 @@ fn a_real_sun_keeps_its_power_through_a_fisheye_too() {
     let shape = PolarShape::hemisphere(360, 90);
     let (mut frame, mut map) = (Frame::default(), PolarMap::black(shape));
     let mut powers = |source: &mut Synthetic| -> Vec<f64> {
-        let View { projection, world_from_camera } = source.script().view;
+        let FrameView { projection, world_from_camera } = source.script().view;
         let mut matrix = FrameToPolar::new(&projection, world_from_camera, shape).unwrap();
         let mut power = |index| {
             source.render(index, &mut frame);

@@ -8,7 +8,7 @@ use super::unpack::Layout;
 use crate::error::{Error, Kind, Place, Result};
 use crate::files::{MAX_PIXELS, MAX_SIDE_PX, decode_jpeg};
 use crate::rt::monotonic_ns;
-use crate::source::{BadBuffer, Camera, Captured, ExposureControl, FrameFormat, Mark};
+use crate::source::{BadBuffer, Captured, ExposureControl, FrameFormat, LiveCamera, Mark};
 use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 use std::collections::BTreeMap;
 use std::io;
@@ -145,7 +145,7 @@ impl V4l2Camera {
     }
 }
 
-impl Camera for V4l2Camera {
+impl LiveCamera for V4l2Camera {
     fn start(&mut self) -> Result<()> {
         self.stream = None;
         let identity = identity::find(&self.name)?;

@@ -57,7 +57,7 @@ fn fault(kind: Kind) -> Error {
     Error::failed("scripted").with_kind(kind)
 }
 
-impl Camera for Scripted {
+impl LiveCamera for Scripted {
     fn start(&mut self) -> Result<()> {
         self.starts_ms.push(self.clock.now_ns() / 1_000_000);
         match self.script.pop_front() {
@@ -252,7 +252,7 @@ fn errors_that_no_waiting_mends_end_the_stage() {
 fn a_request_to_end_interrupts_the_wait_for_a_lost_camera() {
     /// Says when it is asked to start, and never does.
     struct Gone(Sender<()>);
-    impl Camera for Gone {
+    impl LiveCamera for Gone {
         fn start(&mut self) -> Result<()> {
             self.0.send(()).unwrap();
             Err(fault(Kind::LostDevice))

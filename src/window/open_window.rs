@@ -1,5 +1,5 @@
 use super::command::{Command, KEYS};
-use super::feed::{Feed, Source};
+use super::feed::{Feed, LightSource};
 use super::inset::Inset;
 use super::orbit::Orbit;
 use super::pointer::Pointer;
@@ -35,7 +35,7 @@ const TITLE_EVERY: Duration = Duration::from_millis(250);
 const REST: Duration = Duration::from_millis(50);
 
 /// The open window and all that is shown in it.
-pub(super) struct View {
+pub(super) struct OpenWindow {
     // Declared first: the surface goes before the device and the window.
     screen: Screen,
     renderer: Renderer,
@@ -79,12 +79,12 @@ pub(super) struct View {
     rests_until: Instant,
 }
 
-impl View {
+impl OpenWindow {
     pub fn open(
         event_loop: &ActiveEventLoop,
         settings: Settings,
         scene: Scene,
-        source: Source,
+        source: LightSource,
         camera: FirstCamera,
     ) -> Result<Self> {
         let opened = Instant::now();

@@ -11,7 +11,7 @@ use crate::rt::utc_from_monotonic_ns;
 use crate::rt::{CaptureEpoch, Clock, Metrics};
 #[cfg(feature = "camera")]
 use crate::source::{Bracket, BracketOptions, v4l2::V4l2Camera};
-use crate::source::{Camera, FrameFormat, Sequence};
+use crate::source::{FrameFormat, LiveCamera, Sequence};
 use crate::stage::{self, Patience, Recording};
 #[cfg(feature = "camera")]
 use lightcast_core::camera::Response;
@@ -22,7 +22,7 @@ use std::sync::Arc;
 const SOURCE: &str = "source";
 
 /// A source that is ready to start.
-pub struct Input {
+pub struct OpenedSource {
     frames: Frames,
     format: FrameFormat,
     /// For messages: the path, or the camera's stable name.
@@ -36,17 +36,17 @@ pub struct Input {
 
 enum Frames {
     Sequence(Sequence),
-    Camera(Box<dyn Camera>),
+    Camera(Box<dyn LiveCamera>),
 }
 
-impl Input {
+impl OpenedSource {
     /// Opens what a configuration names.
     ///
     /// # Errors
     /// Those of the source: no file or no camera of this name, or nothing that can be used as it is configured.
     pub fn open(config: &Config) -> Result<Self> {
         match &config.source {
-            config::Source::Sequence(options) => {
+            config::SourceOptions::Sequence(options) => {
                 let sequence = Sequence::open(options)?;
                 Ok(Self {
                     format: sequence.format(),
@@ -59,19 +59,19 @@ impl Input {
                 })
             }
             #[cfg(feature = "camera")]
-            config::Source::Camera(options, bracket) => {
+            config::SourceOptions::Camera(options, bracket) => {
                 let camera = V4l2Camera::open(options.clone()).map_err(|error| match error.kind() {
                     Kind::Usage => config.locate("source", error),
                     _ => error,
                 })?;
                 let (format, name) = (camera.format(), camera.name().to_owned());
                 let exposure_s = camera.exposure_s();
-                let input = match bracket {
+                let source = match bracket {
                     None => Self { exposure_s, ..Self::camera(format, name, camera) },
                     Some(options) => Self::bracket(camera, options, &super::camera::response(config)?)
                         .map_err(|error| config.locate("source.bracket", error))?,
                 };
-                Ok(Self { utc_from_capture_ns: Some(utc_from_monotonic_ns()), ..input })
+                Ok(Self { utc_from_capture_ns: Some(utc_from_monotonic_ns()), ..source })
             }
         }
     }
@@ -94,7 +94,7 @@ impl Input {
     }
 
     /// Any other camera: frames of this format from a device of this name.
-    pub fn camera(format: FrameFormat, name: String, camera: impl Camera + 'static) -> Self {
+    pub fn camera(format: FrameFormat, name: String, camera: impl LiveCamera + 'static) -> Self {
         let frames = Frames::Camera(Box::new(camera));
         let metrics = Metrics::new(SOURCE);
         let epoch = CaptureEpoch::default();
@@ -140,8 +140,8 @@ impl Input {
         }
     }
 
-    /// The source of `graph`.
-    pub(super) fn source(self, graph: &mut Graph) -> Output<Frame> {
+    /// Makes it the source of `graph`.
+    pub(super) fn add_to(self, graph: &mut Graph) -> Output<Frame> {
         let (clock, shutdown) = (graph.clock().clone(), graph.shutdown().clone());
         let ticks = Ticks(shutdown.clone());
         match self.frames {

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 /// What there is to see.
 #[derive(Clone, Debug)]
-pub enum Scene {
+pub enum Surroundings {
     /// Open sky.
     Sky(Sky),
     /// A box from inside.
@@ -17,7 +17,7 @@ pub enum Scene {
     Panorama(Panorama),
 }
 
-impl Scene {
+impl Surroundings {
     /// The scene at a time in seconds since frame 0.
     pub fn at(&self, time_s: f64) -> SceneAt<'_> {
         match self {
@@ -30,11 +30,11 @@ impl Scene {
 
 /// A scene at one time.
 pub enum SceneAt<'a> {
-    /// See [`Scene::Sky`].
+    /// See [`Surroundings::Sky`].
     Sky(SkyAt<'a>),
-    /// See [`Scene::Room`].
+    /// See [`Surroundings::Room`].
     Room(RoomAt<'a>),
-    /// See [`Scene::Panorama`].
+    /// See [`Surroundings::Panorama`].
     Panorama(PanoramaAt<'a>),
 }
 
