@@ -2,8 +2,8 @@
 # make demo      replays the bundled sequence; light lists, pictures and rendered frames in demo/
 # make test      formatting, lints, documentation, all tests
 # make test-camera  the camera against real kernel drivers, in an emulated guest; part of make test
-# make test-camera-broken  shows that each of these checks fails when the product is broken in a copy of the tree
-# make fuzz      ten million damaged messages for every decoder of the protocol together; part of make test with fewer
+# make test-camera-broken  shows that each of these checks fails when the product is broken in a copy
+# make fuzz      ten million damaged messages for all decoders of the protocol; part of make test with fewer
 # make soak      ten minutes of a raw camera of 1024 x 1024 at 60 frames per second, recorded too
 # make soak-clients  an hour of clients that come and go: memory, file handles and threads of the service
 # make load      a thousand clients at 25 lists per second: age of the lists, processor time, memory
@@ -12,14 +12,16 @@
 # make cost      cost against map size and number of lights, as a table and as the plot in docs/pictures
 # make report    error against time on the real maps: a page, plots and JSON in target/report
 # make tables    error of the lights on the real maps, as tables beside the published figures
-# make pictures  error of rendered pictures against the number of lights, as tables and as the plot in docs/pictures
+# make pictures  error of rendered pictures against the number of lights, as tables and as a plot
 # make speed     speed of the renderer on whatever adapter there is, as tables
 # make stability the hard cases in plain f32, in this program and in f64
 # make path-tracer  compares the renderer with mitsuba (needs Python with venv)
-# make results   writes sections of docs/results.md anew: all that need no network and no hours, or SECTIONS="bench cost"
+# make results   writes sections of docs/results.md anew: all that need no network and no hours, or those
+#                of SECTIONS="bench cost"
 #
-# report, tables, pictures and path-tracer need the maps and meshes (see LIGHTCAST_DATA in docs/contributing.md), speed takes the maps where
-# they are. pictures, speed and path-tracer take minutes without a GPU.
+# report, tables, pictures and path-tracer need the maps and meshes (see LIGHTCAST_DATA in
+# docs/contributing.md), speed takes the maps where they are. pictures, speed and path-tracer take minutes
+# without a GPU.
 
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
@@ -35,7 +37,8 @@ test-packages:
 install: system-packages
 	cargo install $(CARGO_FLAGS) --path .
 
-# One sample a pixel and four comparisons a shadow: on two cores without a GPU the frames take seconds in place of minutes.
+# One sample a pixel and four comparisons a shadow: on two cores without a GPU the frames take seconds in place
+# of minutes.
 demo: system-packages
 	cargo build $(CARGO_FLAGS) --release
 	@mkdir -p demo

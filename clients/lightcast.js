@@ -356,7 +356,8 @@ export class LightcastClient extends EventTarget {
     try {
       socket = new WebSocket(url.href, protocols);
     } catch (error) {
-      // Not allowed from this page, no address of a WebSocket, or no WebSockets here: so it would be the next time.
+      // Not allowed from this page, no address of a WebSocket, or no WebSockets here: so it would be the next
+      // time.
       this.#tell("closed", error.message, null);
       return;
     }

@@ -110,7 +110,7 @@ class List:
         return (time.time_ns() - self.capture_utc_ns) * 1e-9
 
 
-# --- Messages as bytes -----------------------------------------------------------------------------------------------
+# --- Messages as bytes --------------------------------------------------------------------------------------
 
 _HEADER = struct.Struct("<3sBHHQqqqqQqQd3dIffHH")
 _PREFIX = struct.Struct("<If")
@@ -201,7 +201,7 @@ def _direction(u: int, v: int) -> tuple[float, float, float]:
     return (a / length, y / length, b / length)
 
 
-# --- Messages as JSON ------------------------------------------------------------------------------------------------
+# --- Messages as JSON ---------------------------------------------------------------------------------------
 
 
 def decode_json(message: Union[str, bytes]) -> List:
@@ -301,7 +301,7 @@ def _array(values: dict, key: str, most: int, least: int = 0) -> list:
     return value
 
 
-# --- The stream ------------------------------------------------------------------------------------------------------
+# --- The stream ---------------------------------------------------------------------------------------------
 
 
 # Answers that say: later. All others from 400 to 499 say: not like this.

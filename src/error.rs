@@ -1,5 +1,5 @@
-//! The one error type: a [`Kind`] for the machine that decides what to do next, where the fault stands as data
-//! ([`Place`]), and a sentence for the person who reads both.
+//! The one error type: a [`Kind`] for the machine that decides what to do next, where the fault stands as
+//! data ([`Place`]), and a sentence for the person who reads both.
 
 mod place;
 mod toml_text;
@@ -25,7 +25,8 @@ pub enum Kind {
     Failed,
 }
 
-/// An error: what went wrong, where, and what to do. It reads as one sentence, `PLACE: PLACE: MESSAGE: CAUSE`.
+/// An error: what went wrong, where, and what to do. It reads as one sentence, `PLACE: PLACE: MESSAGE:
+/// CAUSE`.
 pub struct Error {
     kind: Kind,
     /// The innermost first.
@@ -66,8 +67,8 @@ impl Error {
         self
     }
 
-    /// Says where: puts a place in front of what is said so far, as in `frame 17: ...`. A key about a key makes one path
-    /// of both, as in `sky.sun.radiance: ...`.
+    /// Says where: puts a place in front of what is said so far, as in `frame 17: ...`. A key about a key
+    /// makes one path of both, as in `sky.sun.radiance: ...`.
     #[must_use]
     pub fn at(mut self, place: impl Into<Place>) -> Self {
         match (place.into(), self.places.last_mut()) {

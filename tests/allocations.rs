@@ -1,5 +1,5 @@
-//! A frame in the steady state allocates nothing in calibrate, light and filter: stages, links and loop are the
-//! program's own, under an allocator that counts.
+//! A frame in the steady state allocates nothing in calibrate, light and filter: stages, links and loop are
+//! the program's own, under an allocator that counts.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 use lightcast::design::{FilterOptions, RateFilter};
@@ -60,13 +60,14 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Items after which every buffer has been round its link, the filter's history is full and every Vec has grown.
+/// Items after which every buffer has been round its link, the filter's history is full and every Vec has
+/// grown.
 const WARM_UP: u64 = 30;
 const FRAMES: u64 = 130;
 
-/// Allocations that a thread may make in links, once: the channels make a list of waiters when someone waits for the
-/// first time (two channels a link, two links, and the shutdown), and a context for the thread. When that happens
-/// depends on timing. One allocation a frame would be 100.
+/// Allocations that a thread may make in links, once: the channels make a list of waiters when someone waits
+/// for the first time (two channels a link, two links, and the shutdown), and a context for the thread. When
+/// that happens depends on timing. One allocation a frame would be 100.
 const FIRST_WAITS: u64 = 8;
 
 /// Allocations after the warm-up.

@@ -1,5 +1,5 @@
-//! `lightcast-core` stays what others can build on: few packages, none that does the program's work, no files or threads
-//! of its own, and a package outside of this workspace that names it by path compiles.
+//! `lightcast-core` stays what others can build on: few packages, none that does the program's work, no files
+//! or threads of its own, and a package outside of this workspace that names it by path compiles.
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 

@@ -18,8 +18,8 @@ const PERMISSIVE: [&str; 12] = [
     "NCSA",
 ];
 
-/// Whether an SPDX expression (also the old `A/B` form) can be satisfied by permissive licences alone.
-/// AND binds closer than OR.
+/// Whether an SPDX expression (also the old `A/B` form) can be satisfied by permissive licences alone. AND
+/// binds closer than OR.
 fn is_permissive(expression: &str) -> bool {
     let expression = expression.trim();
     if let Some(inner) = expression.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'))

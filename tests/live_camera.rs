@@ -1,5 +1,5 @@
-//! A live camera, scripted, through the whole service: a recording, with a camera that goes away and comes back, replays to
-//! the same lists; a recording that fails ends alone.
+//! A live camera, scripted, through the whole service: a recording, with a camera that goes away and comes
+//! back, replays to the same lists; a recording that fails ends alone.
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 

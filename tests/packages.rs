@@ -1,5 +1,5 @@
-//! What `cargo package` packs of either package: all that its build reads and its texts, and no data of tests, no
-//! recordings and nothing of continuous integration.
+//! What `cargo package` packs of either package: all that its build reads and its texts, and no data of
+//! tests, no recordings and nothing of continuous integration.
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 

@@ -76,7 +76,8 @@ fn opened_and_closed(display: &str, input: &Path, options: &[&str]) -> Option<St
     let mut messages = String::new();
     while !messages.contains("first frame") {
         if reader.read_line(&mut messages).unwrap() == 0 {
-            // It ended by itself: an adapter that is missing, or cannot draw on windows, is no fault of the program.
+            // It ended by itself: an adapter that is missing, or cannot draw on windows, is no fault of the
+            // program.
             assert!(messages.contains("there is no graphics adapter"), "{messages}");
             say_skipped(messages.lines().last().unwrap_or_default());
             return None;

@@ -1,5 +1,6 @@
-//! `make load`: a thousand clients on this machine at 25 lists per second of 300 lights, a hundred of which stop reading for
-//! a while. The server is `lightcast run --listen` as users start it, in a process of its own; the clients are this one.
+//! `make load`: a thousand clients on this machine at 25 lists per second of 300 lights, a hundred of which
+//! stop reading for a while. The server is `lightcast run --listen` as users start it, in a process of its
+//! own; the clients are this one.
 //!
 //! Arguments: number of clients (1000), seconds of each of the three phases (10), `json` for lists as JSON.
 #![expect(clippy::unwrap_used, reason = "nobody is there to go on for")]
@@ -16,7 +17,8 @@ use std::time::Duration;
 const STALLED: usize = 10;
 
 fn main() {
-    // `cargo bench` adds an argument of its own, `cargo test --benches` another: only one of the two is meant.
+    // `cargo bench` adds an argument of its own, `cargo test --benches` another: only one of the two is
+    // meant.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     if arguments.iter().any(|argument| argument == "--test") {
         return;

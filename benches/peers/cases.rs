@@ -61,7 +61,8 @@ pub enum Case {
     Stream { bytes: usize },
 }
 
-/// A piece of work that is ready, its results written, and the bytes that a step streams, where they are known.
+/// A piece of work that is ready, its results written, and the bytes that a step streams, where they are
+/// known.
 pub fn prepare(case: Case) -> Result<(Option<usize>, Work)> {
     let work: Work = match case {
         Case::FrameToPolar { calibration, frames, columns, rows, table, maps } => {

@@ -1,8 +1,9 @@
-//! Our side of `make bench-peers`: a server on standard input and output for `compare.py`, which times its peers and
-//! this program in turns, so that both meet the same noise. One request and one answer a line, as JSON:
+//! Our side of `make bench-peers`: a server on standard input and output for `compare.py`, which times its
+//! peers and this program in turns, so that both meet the same noise. One request and one answer a line, as
+//! JSON:
 //!
-//! - `{"case": ...}` ([`Case`]) prepares a piece of work, does it once, leaves its result in a file, and answers
-//!   `{"bytes": n}`: what one step streams, where that is known;
+//! - `{"case": ...}` ([`Case`]) prepares a piece of work, does it once, leaves its result in a file, and
+//!   answers `{"bytes": n}`: what one step streams, where that is known;
 //! - `{"repeat": n}` does it n times and answers `{"seconds": [...]}`, the thread's processor time for each.
 //!
 //! Arrays are files of little-endian numbers without a header, as `numpy.fromfile` reads them.

@@ -1,12 +1,13 @@
-//! A raw camera of 1024 x 1024 codes at 60 frames per second through the whole live service, recorded beside it:
+//! A raw camera of 1024 x 1024 codes at 60 frames per second through the whole live service, recorded beside
+//! it:
 //!
 //!     cargo bench --bench soak -- SECONDS [RECORD_FOLDER]
 //!
-//! Prints every ten seconds, and in the end, what was dropped and where, the resident memory, and the share of one
-//! processor that the process took. The camera is calculated (a driver's buffers hold the pictures of a moving lamp
-//! before a noisy gradient, made once); its frames are copied out of them as those of a real one are. With a folder
-//! the frames are recorded too; files older than two seconds are removed, so that ten minutes (150 GB) fit anywhere:
-//! how fast a disk is in the long run is not measured.
+//! Prints every ten seconds, and in the end, what was dropped and where, the resident memory, and the share
+//! of one processor that the process took. The camera is calculated (a driver's buffers hold the pictures of
+//! a moving lamp before a noisy gradient, made once); its frames are copied out of them as those of a real
+//! one are. With a folder the frames are recorded too; files older than two seconds are removed, so that ten
+//! minutes (150 GB) fit anywhere: how fast a disk is in the long run is not measured.
 
 use lightcast::calibrate::Calibration;
 use lightcast::config::Config;

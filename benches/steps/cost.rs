@@ -1,4 +1,5 @@
-//! What a frame costs against the size of the map and the number of lights: a table with fitted exponents, and a plot.
+//! What a frame costs against the size of the map and the number of lights: a table with fitted exponents,
+//! and a plot.
 
 use super::scene;
 use lightcast::design::{FilterOptions, RateFilter};
@@ -11,8 +12,8 @@ use lightcast_core::light::{Extractor, MapIrradiance, Options};
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 
-/// Rows of the maps, which have four times as many columns, and numbers of lights: each four times the one before in
-/// pixels and in lights.
+/// Rows of the maps, which have four times as many columns, and numbers of lights: each four times the one
+/// before in pixels and in lights.
 const ROWS: [usize; 5] = [45, 90, 180, 360, 720];
 const LIGHTS: [usize; 5] = [16, 64, 256, 1024, 4096];
 /// What is fixed where the other varies.

@@ -1,9 +1,11 @@
-//! The time of every step, beside the published figures (METHODS section 11) and, for calibration, beside the time to
-//! read the same bytes once. `make bench` runs all and prints the table; `cargo bench --bench steps -- NAME` runs those whose name
-//! contains NAME. `make cost` (`cargo bench --bench steps -- --cost FILE`) draws cost against map size and number of lights.
+//! The time of every step, beside the published figures (METHODS section 11) and, for calibration, beside the
+//! time to read the same bytes once. `make bench` runs all and prints the table; `cargo bench --bench steps
+//! -- NAME` runs those whose name contains NAME. `make cost` (`cargo bench --bench steps -- --cost FILE`)
+//! draws cost against map size and number of lights.
 //!
-//! Everything runs on one thread. The surroundings are a sky with clouds, a small sun and lamps; what radiances are
-//! does not change the work of calibration and tables, and that of the rest only through where the lights crowd.
+//! Everything runs on one thread. The surroundings are a sky with clouds, a small sun and lamps; what
+//! radiances are does not change the work of calibration and tables, and that of the rest only through where
+//! the lights crowd.
 
 mod cost;
 mod scene;
@@ -180,7 +182,8 @@ fn for_rendering(criterion: &mut Criterion, table: &mut table::Table) {
     table.row("for rendering", "200 regions, 300 lights", Some("< 1 ms"), remark);
 }
 
-/// What a list costs on its way to clients: made once for all of them, put together for each, taken apart by each.
+/// What a list costs on its way to clients: made once for all of them, put together for each, taken apart by
+/// each.
 fn messages(criterion: &mut Criterion, table: &mut table::Table) {
     let shape = PolarShape::hemisphere(360, 90);
     let mut extractor =

@@ -1,4 +1,5 @@
-//! What the benchmarks look at: a lens, a response, and surroundings that change a little from frame to frame.
+//! What the benchmarks look at: a lens, a response, and surroundings that change a little from frame to
+//! frame.
 
 use glam::{DVec2, DVec3};
 use lightcast_core::camera::{Lens, LensParameters, Response, ResponseModel};
@@ -34,7 +35,8 @@ pub fn stamp(time: u64) -> Stamp {
     Stamp { sequence: time, capture_time_ns: time as i64 * 40_000_000, lost_before: 0, frame_rate_hz: 25.0 }
 }
 
-/// Radiance from a direction in frame `time`: a sky, a sun that moves by a tenth of a degree, flickering lamps.
+/// Radiance from a direction in frame `time`: a sky, a sun that moves by a tenth of a degree, flickering
+/// lamps.
 fn radiance(towards: DVec3, time: u64) -> [f32; 3] {
     let (theta, phi) = polar(towards);
     let near = |theta: f64, phi: f64, radius: f64| angle_between(towards, direction(theta, phi)) < radius;

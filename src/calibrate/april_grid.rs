@@ -1,5 +1,5 @@
-//! AprilGrids, the boards of Kalibr: tags of the family 36h11 with a black border of two cells, in rows and columns,
-//! with black squares between their corners.
+//! AprilGrids, the boards of Kalibr: tags of the family 36h11 with a black border of two cells, in rows and
+//! columns, with black squares between their corners.
 
 use super::Corner;
 use crate::error::{Error, Result};
@@ -108,8 +108,8 @@ impl AprilGrid {
         Err(Error::usage(fault))
     }
 
-    /// A corner of a tag on the board, x to the right, y up, from the first tag's lower left corner: 0 is the tag's lower
-    /// left one, then counterclockwise. `None` for tags that the board does not have.
+    /// A corner of a tag on the board, x to the right, y up, from the first tag's lower left corner: 0 is the
+    /// tag's lower left one, then counterclockwise. `None` for tags that the board does not have.
     fn corner_m(&self, tag: usize, corner: usize) -> Option<DVec2> {
         let (row, column) = (tag / self.columns, tag % self.columns);
         let step_m = self.tag_size_m * (1.0 + self.spacing);
@@ -117,8 +117,8 @@ impl AprilGrid {
         (row < self.rows).then(|| DVec2::new(column as f64, row as f64) * step_m + *within * self.tag_size_m)
     }
 
-    /// The corners of all tags that are found in a photograph, by tag; none where there is no board. Tags that the board
-    /// does not have are left out.
+    /// The corners of all tags that are found in a photograph, by tag; none where there is no board. Tags
+    /// that the board does not have are left out.
     ///
     /// # Errors
     /// `BadFrame` for pictures of less than 32 pixels a side and for those on which the detector gives up.

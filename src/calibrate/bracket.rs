@@ -1,22 +1,23 @@
 //! The response of an ordinary camera from pictures of one still scene at several exposures.
 //!
-//! After Debevec and Malik 1997, *Recovering High Dynamic Range Radiance Maps from Photographs*: the logarithm of the
-//! exposure that a code stands for, `g(code) = ln E + ln t`, follows by least squares from codes of the same places in
-//! several pictures, the scene's radiances E being eliminated. It differs in three points, found on real pictures:
+//! After Debevec and Malik 1997, *Recovering High Dynamic Range Radiance Maps from Photographs*: the
+//! logarithm of the exposure that a code stands for, `g(code) = ln E + ln t`, follows by least squares from
+//! codes of the same places in several pictures, the scene's radiances E being eliminated. It differs in
+//! three points, found on real pictures:
 //!
-//! - Where every step of the bracket is the same ratio, g is free by any function that repeats with that ratio, and an
-//!   equation for every code with a little smoothing takes stairs for the truth. Here g is `c ln(code - black + 1/2)`
-//!   plus a polynomial of the code (as Mitsunaga and Nayar 1999 have for the radiance): straight lines, gamma curves,
-//!   logarithms and the S-curves of photographs, but no stairs. Its degree is the smallest of 1 to 6 whose misfit is
-//!   within 10 % of the best, of those that rise everywhere. Beyond the codes that were seen, g goes on as a power of
-//!   the code.
-//! - The places are means over blocks without edges, which have less noise than pixels and codes between whole ones.
-//!   Every code has the same say, however much of the picture has it; residuals count by what a code is worth at the
-//!   slope of g, and large ones (things that moved) by their size only (Huber).
+//! - Where every step of the bracket is the same ratio, g is free by any function that repeats with that
+//!   ratio, and an equation for every code with a little smoothing takes stairs for the truth. Here g is `c
+//!   ln(code - black + 1/2)` plus a polynomial of the code (as Mitsunaga and Nayar 1999 have for the
+//!   radiance): straight lines, gamma curves, logarithms and the S-curves of photographs, but no stairs. Its
+//!   degree is the smallest of 1 to 6 whose misfit is within 10 % of the best, of those that rise everywhere.
+//!   Beyond the codes that were seen, g goes on as a power of the code.
+//! - The places are means over blocks without edges, which have less noise than pixels and codes between
+//!   whole ones. Every code has the same say, however much of the picture has it; residuals count by what a
+//!   code is worth at the slope of g, and large ones (things that moved) by their size only (Huber).
 //! - All channels share one curve. Cameras apply the same curve to each channel after white balance.
 //!
-//! Pictures alone tell exposure ratios only up to a power (Grossberg and Nayar 2003), so times or a response must be
-//! known. But one picture's time follows from the others': [`BracketFit::recovered_s`].
+//! Pictures alone tell exposure ratios only up to a power (Grossberg and Nayar 2003), so times or a response
+//! must be known. But one picture's time follows from the others': [`BracketFit::recovered_s`].
 
 mod curve;
 mod samples;
@@ -35,16 +36,16 @@ use solver::{Solution, solve};
 pub struct CodeLimits {
     /// Code without light; 0 if `None`.
     pub black_code: Option<u16>,
-    /// Code from which pixels are saturated; if `None` the largest code of 8, 10, 12, 14 or 16 bits that holds all
-    /// codes seen.
+    /// Code from which pixels are saturated; if `None` the largest code of 8, 10, 12, 14 or 16 bits that
+    /// holds all codes seen.
     pub saturation_code: Option<u16>,
 }
 
 /// The response of a bracket.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BracketFit {
-    /// Codes to radiance times seconds, so radiance at an exposure of 1 s; relative, 1 at the middle code. Piecewise
-    /// linear with up to 256 knees.
+    /// Codes to radiance times seconds, so radiance at an exposure of 1 s; relative, 1 at the middle code.
+    /// Piecewise linear with up to 256 knees.
     pub response: Response,
     /// Degree of the polynomial.
     pub degree: usize,
@@ -54,8 +55,8 @@ pub struct BracketFit {
     pub codes_seen: (f64, f64),
     /// For every picture the RMS deviation of its samples from the radiances of all, in stops.
     pub misfit_stops: Vec<f64>,
-    /// For every picture its exposure time as it follows from the pictures, with the times of all others given, 0 where
-    /// they do not tell; empty for two pictures, where nothing would be left to compare with.
+    /// For every picture its exposure time as it follows from the pictures, with the times of all others
+    /// given, 0 where they do not tell; empty for two pictures, where nothing would be left to compare with.
     pub recovered_s: Vec<f64>,
 }
 
@@ -70,9 +71,9 @@ const FEWEST_SHARED: usize = 50;
 /// Finds the response from pictures and their exposure times, in s.
 ///
 /// # Errors
-/// `Usage`, saying what to do: fewer than two pictures, times that are not positive numbers, as many as pictures and
-/// different from each other, neighbouring exposures without enough unclipped places in common, limits in the wrong
-/// order, and pictures that contradict their times.
+/// `Usage`, saying what to do: fewer than two pictures, times that are not positive numbers, as many as
+/// pictures and different from each other, neighbouring exposures without enough unclipped places in common,
+/// limits in the wrong order, and pictures that contradict their times.
 pub fn fit_bracket(samples: &BracketSamples, times_s: &[f64], limits: &CodeLimits) -> Result<BracketFit> {
     check_times(samples.pictures(), times_s)?;
     let (black, saturation) = samples.limits(limits)?;
@@ -120,10 +121,12 @@ pub fn fit_bracket(samples: &BracketSamples, times_s: &[f64], limits: &CodeLimit
     })
 }
 
-/// Finds the exposure times from the pictures alone where the response is known, relative to the first picture's (1).
+/// Finds the exposure times from the pictures alone where the response is known, relative to the first
+/// picture's (1).
 ///
 /// # Errors
-/// `Usage`: fewer than two pictures, the identity as response, and pictures without enough unclipped places in common.
+/// `Usage`: fewer than two pictures, the identity as response, and pictures without enough unclipped places
+/// in common.
 pub fn recover_exposures(samples: &BracketSamples, response: &Response) -> Result<Vec<f64>> {
     check_count(samples.pictures())?;
     if response.is_identity() {

@@ -13,8 +13,8 @@
 //! }
 //! ```
 //!
-//! Pixel coordinates have half-pixel centres; OpenCV and Kalibr put whole numbers at centres, so 0.5 px is added to
-//! their cx and cy on loading.
+//! Pixel coordinates have half-pixel centres; OpenCV and Kalibr put whole numbers at centres, so 0.5 px is
+//! added to their cx and cy on loading.
 
 use super::{document, kalibr_file, opencv_file};
 use crate::error::{Error, Place, Result};
@@ -70,7 +70,8 @@ enum LensModel {
 }
 
 impl Calibration {
-    /// Loads a calibration file of any known kind; `camera` names one of a Kalibr chain (`cam1`), `None` takes its first.
+    /// Loads a calibration file of any known kind; `camera` names one of a Kalibr chain (`cam1`), `None`
+    /// takes its first.
     ///
     /// # Errors
     /// `Usage`, naming the file and the key or line: files that cannot be read, are over 1 MiB or of no known
@@ -177,8 +178,8 @@ impl Calibration {
         text
     }
 
-    /// The lens as YAML that `cv::FileStorage` reads, for `cv::fisheye`; 0.5 px are taken off cx and cy. The response
-    /// and the field of view, for which OpenCV has no names, are left out.
+    /// The lens as YAML that `cv::FileStorage` reads, for `cv::fisheye`; 0.5 px are taken off cx and cy. The
+    /// response and the field of view, for which OpenCV has no names, are left out.
     pub fn to_opencv_yaml(&self) -> String {
         opencv_file::yaml(self.lens.parameters())
     }
@@ -188,8 +189,8 @@ impl Calibration {
         opencv_file::json(self.lens.parameters())
     }
 
-    /// The lens as a Kalibr `camchain.yaml` of one camera, `cam0`; 0.5 px are taken off cx and cy. The response and the
-    /// field of view, for which Kalibr has no keys, are left out.
+    /// The lens as a Kalibr `camchain.yaml` of one camera, `cam0`; 0.5 px are taken off cx and cy. The
+    /// response and the field of view, for which Kalibr has no keys, are left out.
     pub fn to_kalibr_yaml(&self) -> String {
         kalibr_file::chain(self.lens.parameters())
     }

@@ -13,10 +13,10 @@
 //! }
 //! ```
 //!
-//! `pixel_centres` says where the centre of the first pixel lies: `integer` at (0, 0), as OpenCV and Kalibr count,
-//! `half` at (0.5, 0.5), as this program does. The corners of a board of `columns` x `rows` are numbered row by row
-//! from 0, the column fastest, `pitch_m` metres apart; other flat boards list theirs: `{"points_m": [[0, 0], [0.088,
-//! 0]]}`. A view without `ids` shows all corners in their order.
+//! `pixel_centres` says where the centre of the first pixel lies: `integer` at (0, 0), as OpenCV and Kalibr
+//! count, `half` at (0.5, 0.5), as this program does. The corners of a board of `columns` x `rows` are
+//! numbered row by row from 0, the column fastest, `pitch_m` metres apart; other flat boards list theirs:
+//! `{"points_m": [[0, 0], [0.088, 0]]}`. A view without `ids` shows all corners in their order.
 //!
 //! From chessboards, with OpenCV in Python:
 //!
@@ -102,9 +102,9 @@ impl CornerSet {
     /// Loads a file of corners.
     ///
     /// # Errors
-    /// `Usage`, naming the file and the line, key, view or corner: files that cannot be read or are over 64 MiB, unknown
-    /// and missing keys, boards without a size, ids that the board does not have or that come twice, counts that differ,
-    /// and corners outside the picture.
+    /// `Usage`, naming the file and the line, key, view or corner: files that cannot be read or are over 64
+    /// MiB, unknown and missing keys, boards without a size, ids that the board does not have or that come
+    /// twice, counts that differ, and corners outside the picture.
     pub fn load(path: &Path) -> Result<Self> {
         read(path)
             .and_then(|text| Self::parse(&text))

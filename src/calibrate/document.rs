@@ -1,6 +1,6 @@
 //! Calibration files of other programs as one tree of values, whichever notation they are in: JSON, YAML, or
-//! the XML of OpenCV's FileStorage. The text is not trusted: nesting, aliases and numbers that are not finite are
-//! refused by the parsers.
+//! the XML of OpenCV's FileStorage. The text is not trusted: nesting, aliases and numbers that are not finite
+//! are refused by the parsers.
 
 use crate::error::{Error, Result};
 use serde_json::{Map, Value};
@@ -23,8 +23,8 @@ pub(super) fn parse(text: &str) -> Result<Value> {
     }
 }
 
-/// OpenCV begins its files with `%YAML:1.0`, which is not YAML (the directive has a space and needs `---` after
-/// it). The line is blanked, so that positions in messages stay right.
+/// OpenCV begins its files with `%YAML:1.0`, which is not YAML (the directive has a space and needs `---`
+/// after it). The line is blanked, so that positions in messages stay right.
 fn yaml_body(text: &str) -> String {
     match text.split_once('\n') {
         Some((first, rest)) if first.starts_with("%YAML") => format!("\n{rest}"),
@@ -78,8 +78,8 @@ fn collect(value: &Value, key: &str, found: &mut Vec<f64>) -> Result<()> {
     }
 }
 
-/// A number that every reader takes for one: all digits, a point, and no exponent (to YAML 1.1, which Kalibr reads,
-/// `1e-7` is a word).
+/// A number that every reader takes for one: all digits, a point, and no exponent (to YAML 1.1, which Kalibr
+/// reads, `1e-7` is a word).
 pub(super) fn decimal(value: f64) -> String {
     let text = value.to_string();
     if text.contains('.') { text } else { text + ".0" }

@@ -1,10 +1,11 @@
-//! A Kannala-Brandt lens (METHODS section 3) from views of a flat board whose corners were found in the pictures.
+//! A Kannala-Brandt lens (METHODS section 3) from views of a flat board whose corners were found in the
+//! pictures.
 //!
-//! Solvers that start from a pinhole diverge on fisheye pictures. Here the start is the equidistant lens that maps
-//! the declared field of view onto the declared circle; poses come from rays and not from picture points, so that
-//! corners beyond 90 degrees off the axis are no exception (`pose`). All parameters are then adjusted together to the
-//! smallest squares of pixel residuals (`adjust`), at first with Huber's loss, so that a bad view does not bend the
-//! lens before it is found and dropped (`search`).
+//! Solvers that start from a pinhole diverge on fisheye pictures. Here the start is the equidistant lens that
+//! maps the declared field of view onto the declared circle; poses come from rays and not from picture
+//! points, so that corners beyond 90 degrees off the axis are no exception (`pose`). All parameters are then
+//! adjusted together to the smallest squares of pixel residuals (`adjust`), at first with Huber's loss, so
+//! that a bad view does not bend the lens before it is found and dropped (`search`).
 
 mod adjust;
 mod kannala_brandt;
@@ -88,9 +89,10 @@ impl LensStart {
 /// How views are judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensFitOptions {
-    /// A view whose RMS residual is over this many times the median of all views', or one of whose corners is off by
-    /// over five times as many times the median corner, is dropped: the worst first, after each of which the lens is
-    /// fitted again. Infinity keeps all. Views of good sets stay below 1.8 times, their corners below 8.
+    /// A view whose RMS residual is over this many times the median of all views', or one of whose corners is
+    /// off by over five times as many times the median corner, is dropped: the worst first, after each of
+    /// which the lens is fitted again. Infinity keeps all. Views of good sets stay below 1.8 times, their
+    /// corners below 8.
     pub drop_factor: f64,
 }
 
@@ -109,9 +111,9 @@ const CORNERS_MIN: usize = 6;
 /// Fits lens and poses to the corners and drops views that do not fit, each with its reason.
 ///
 /// # Errors
-/// `Usage` for a start that is no lens, and for numbers that are not finite, naming view and corner. `Failed`, saying
-/// what to do: fewer than three views that can be used, or fewer than half of them that agree; views that do not
-/// determine the lens; coefficients with which r(theta) turns between the corners.
+/// `Usage` for a start that is no lens, and for numbers that are not finite, naming view and corner.
+/// `Failed`, saying what to do: fewer than three views that can be used, or fewer than half of them that
+/// agree; views that do not determine the lens; coefficients with which r(theta) turns between the corners.
 pub fn fit_lens(views: &[BoardView], start: &LensStart, options: &LensFitOptions) -> Result<LensFit> {
     let start_lens = start.lens()?;
     check_numbers(views)?;

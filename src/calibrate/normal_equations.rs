@@ -11,7 +11,8 @@ pub(super) struct NormalEquations {
     right: Vec<f64>,
 }
 
-/// A pivot of the scaled matrix (its diagonal is 1) below this means that the equations do not tell an unknown.
+/// A pivot of the scaled matrix (its diagonal is 1) below this means that the equations do not tell an
+/// unknown.
 const SMALLEST_PIVOT: f64 = 1e-13;
 
 impl NormalEquations {
@@ -19,8 +20,8 @@ impl NormalEquations {
         Self { unknowns, matrix: vec![0.0; unknowns * unknowns], right: vec![0.0; unknowns] }
     }
 
-    /// Adds an equation. A negative weight takes one away: so an unknown that only some equations share is eliminated,
-    /// by taking away their weighted mean.
+    /// Adds an equation. A negative weight takes one away: so an unknown that only some equations share is
+    /// eliminated, by taking away their weighted mean.
     pub(super) fn add(&mut self, row: &[f64], value: f64, weight: f64) {
         for (at, &left) in row.iter().enumerate() {
             if left == 0.0 {
@@ -33,8 +34,8 @@ impl NormalEquations {
         }
     }
 
-    /// The unknowns by Cholesky's factors of the matrix scaled to a diagonal of ones; `None` where the equations do not
-    /// determine them.
+    /// The unknowns by Cholesky's factors of the matrix scaled to a diagonal of ones; `None` where the
+    /// equations do not determine them.
     pub(super) fn solve(&self) -> Option<Vec<f64>> {
         let n = self.unknowns;
         let scale: Vec<f64> = (0..n).map(|at| self.matrix[at * n + at].sqrt().recip()).collect();

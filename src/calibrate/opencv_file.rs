@@ -1,5 +1,6 @@
-//! Files that `cv::FileStorage` writes for `cv::fisheye`: K (3 x 3), D (4 values) and the image size. OpenCV fixes
-//! no names; those of its samples and of common tools are known, in any case and with or without underscores.
+//! Files that `cv::FileStorage` writes for `cv::fisheye`: K (3 x 3), D (4 values) and the image size. OpenCV
+//! fixes no names; those of its samples and of common tools are known, in any case and with or without
+//! underscores.
 
 use super::document::{decimal, numbers, size};
 use crate::error::{Error, Result};
@@ -58,8 +59,8 @@ pub(super) fn lens(document: &Value) -> Result<LensParameters> {
     Ok(LensParameters { width, height, fx, fy, cx: cx + 0.5, cy: cy + 0.5, k, field_of_view_rad: 0.0 })
 }
 
-/// The lens as `cv::FileStorage` writes it in YAML, under the names of OpenCV's calibration sample, centres back at
-/// whole numbers. There is no name for the field of view, so that it is left out.
+/// The lens as `cv::FileStorage` writes it in YAML, under the names of OpenCV's calibration sample, centres
+/// back at whole numbers. There is no name for the field of view, so that it is left out.
 pub(super) fn yaml(lens: &LensParameters) -> String {
     let [matrix, coefficients] = matrices(lens);
     format!(

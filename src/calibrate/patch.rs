@@ -40,7 +40,8 @@ impl PatchCodes {
     /// Adds the pixels of `rectangle`.
     ///
     /// # Errors
-    /// `Usage`: a rectangle without pixels or not within the frame, and frames of radiance, which have no codes.
+    /// `Usage`: a rectangle without pixels or not within the frame, and frames of radiance, which have no
+    /// codes.
     pub fn add(&mut self, frame: &Frame, rectangle: Rectangle) -> Result<()> {
         let Pixels::Codes(codes) = &frame.pixels else {
             return Err(Error::usage(
@@ -80,8 +81,8 @@ impl PatchCodes {
         self.moment(|code| (code - mean) * (code - mean)).sqrt()
     }
 
-    /// Largest difference between the means of two channels; 0 for one channel. One response serves all channels, so
-    /// a grey patch should look grey.
+    /// Largest difference between the means of two channels; 0 for one channel. One response serves all
+    /// channels, so a grey patch should look grey.
     pub fn channel_difference(&self) -> f64 {
         let means = self.channels.iter().filter(|(_, number)| *number > 0).map(|(sum, n)| sum / *n as f64);
         let (low, high) =

@@ -1,18 +1,19 @@
-//! The response from grey patches of known luminance: METHODS section 2, and Havran et al. 2005, who took six patches
-//! and held two of them out.
+//! The response from grey patches of known luminance: METHODS section 2, and Havran et al. 2005, who took six
+//! patches and held two of them out.
 //!
-//! **Clipped patches** are found first and take no part. Where the clip codes are not given: a patch with 1 % of its
-//! samples at the largest code of a whole number of bits that holds all codes seen (255, 1023, 4095, ...) is saturated,
-//! and so are the brightest patches when two or more of them, a quarter or more apart in luminance, have the same code
-//! but for the noise; the saturation code then lies three standard deviations below it. The dark end goes likewise.
+//! **Clipped patches** are found first and take no part. Where the clip codes are not given: a patch with 1 %
+//! of its samples at the largest code of a whole number of bits that holds all codes seen (255, 1023, 4095,
+//! ...) is saturated, and so are the brightest patches when two or more of them, a quarter or more apart in
+//! luminance, have the same code but for the noise; the saturation code then lies three standard deviations
+//! below it. The dark end goes likewise.
 //!
-//! **Fit.** Least squares in codes. The variance of a patch is that of one code, plus that of its pixels (noise, uneven
-//! paint), plus that of a luminance known to 2 %, at the slope of the model; so the slope and the weights are found in
-//! turn.
+//! **Fit.** Least squares in codes. The variance of a patch is that of one code, plus that of its pixels
+//! (noise, uneven paint), plus that of a luminance known to 2 %, at the slope of the model; so the slope and
+//! the weights are found in turn.
 //!
-//! **Which model**, where the user names none: the one that predicts each patch best from the others (leave one out, RMS
-//! in stops). A piecewise linear one must be twice as good as the best of the other two, since it can follow anything,
-//! and have five patches.
+//! **Which model**, where the user names none: the one that predicts each patch best from the others (leave
+//! one out, RMS in stops). A piecewise linear one must be twice as good as the best of the other two, since
+//! it can follow anything, and have five patches.
 
 mod models;
 #[cfg(test)]
@@ -39,8 +40,8 @@ pub enum Family {
 pub struct PatchFitOptions {
     /// The model; `None` takes the one that predicts best.
     pub family: Option<Family>,
-    /// Codes of the knees of a piecewise linear response between black and saturation, strictly increasing. There must
-    /// be a patch between any two.
+    /// Codes of the knees of a piecewise linear response between black and saturation, strictly increasing.
+    /// There must be a patch between any two.
     pub knee_codes: Vec<u16>,
     /// Code without light, and up to which pixels are clipped at black.
     pub black_code: Option<u16>,
@@ -74,7 +75,8 @@ pub struct PatchResult {
     pub spread: f64,
     /// Luminance that the response gives for the mean code; `None` for clipped patches.
     pub fitted_cd_m2: Option<f64>,
-    /// The same from a response fitted without this patch; `None` for clipped patches, and where too few are left.
+    /// The same from a response fitted without this patch; `None` for clipped patches, and where too few are
+    /// left.
     pub left_out_cd_m2: Option<f64>,
 }
 
@@ -85,8 +87,8 @@ pub struct PatchFit {
     pub response: Response,
     /// Its model.
     pub family: Family,
-    /// RMS in stops of each patch's luminance as predicted from the others, for every model that was tried; infinite
-    /// where the model cannot be fitted.
+    /// RMS in stops of each patch's luminance as predicted from the others, for every model that was tried;
+    /// infinite where the model cannot be fitted.
     pub tried: Vec<(Family, f64)>,
     /// The patches in the order given.
     pub patches: Vec<PatchResult>,
@@ -110,9 +112,9 @@ pub(super) fn stops(found: f64, luminance: f64) -> f64 {
 /// Finds the response.
 ///
 /// # Errors
-/// `Usage`, saying what to do: luminances that are not positive numbers, fewer than three patches that are neither
-/// clipped nor held out, all of the same luminance, codes that do not rise with luminance, knees without patches
-/// between them, clip codes in the wrong order.
+/// `Usage`, saying what to do: luminances that are not positive numbers, fewer than three patches that are
+/// neither clipped nor held out, all of the same luminance, codes that do not rise with luminance, knees
+/// without patches between them, clip codes in the wrong order.
 pub fn fit_patches(patches: &[Patch], options: &PatchFitOptions) -> Result<PatchFit> {
     if let Some(patch) = patches.iter().find(|p| !(p.luminance_cd_m2.is_finite() && p.luminance_cd_m2 > 0.0))
     {

@@ -26,7 +26,8 @@ pub(super) enum Input {
     Server(String),
 }
 
-// The input of a command that takes light in every form. (Clap shows a `///` here as the text of the command.)
+// The input of a command that takes light in every form. (Clap shows a `///` here as the text of the
+// command.)
 #[cfg(feature = "render")]
 #[derive(Debug, clap::Args)]
 pub(super) struct InputArguments {
@@ -52,8 +53,8 @@ pub(super) struct ConfigurationArguments {
 }
 
 impl Input {
-    /// What `path` names. Panoramas come under many names, the others under few; a name with a colon and a port is a
-    /// server's unless there is such a file.
+    /// What `path` names. Panoramas come under many names, the others under few; a name with a colon and a
+    /// port is a server's unless there is such a file.
     ///
     /// # Errors
     /// Standard input that cannot be read, or is neither light lists nor a panorama.
@@ -218,7 +219,8 @@ fn is_pattern(name: &str) -> bool {
     name.contains('#') || name.contains('%')
 }
 
-/// `ws://HOST:PORT`, another scheme (which the client refuses with what to write), or HOST:PORT, with or without a path.
+/// `ws://HOST:PORT`, another scheme (which the client refuses with what to write), or HOST:PORT, with or
+/// without a path.
 fn is_address(text: &str) -> bool {
     let authority = text.split('/').next().unwrap_or_default();
     let is_host_and_port = authority

@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 
 /// Print the lights of one panorama.
 ///
-/// INPUT is a lat-long panorama of the whole sphere, +Y up: OpenEXR or Radiance HDR, a file or `-` for standard input.
-/// The result is one light list, a line of JSON, made by the same code that `run` uses for every frame. It goes to
-/// standard output, or to --output.
+/// INPUT is a lat-long panorama of the whole sphere, +Y up: OpenEXR or Radiance HDR, a file or `-` for
+/// standard input. The result is one light list, a line of JSON, made by the same code that `run` uses for
+/// every frame. It goes to standard output, or to --output.
 ///
 /// Examples:
 ///   lightcast lights garden.hdr --lights 64 --hemisphere | jq .power
@@ -33,7 +33,8 @@ pub(super) struct Arguments {
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
 
-    /// Draw the map into this file (.png), with a ring for every light whose area is the light's share of the power.
+    /// Draw the map into this file (.png), with a ring for every light whose area is the light's share of the
+    /// power.
     #[arg(long, value_name = "FILE.png")]
     picture: Option<PathBuf>,
 
@@ -53,8 +54,8 @@ pub(super) struct Arguments {
     #[arg(long)]
     hemisphere: bool,
 
-    /// Size of the polar map that the panorama is averaged to: azimuth steps x polar-angle steps
-    /// [default: 360x180, with --hemisphere 360x90].
+    /// Size of the polar map that the panorama is averaged to: azimuth steps x polar-angle steps [default:
+    /// 360x180, with --hemisphere 360x90].
     #[arg(long, value_name = "COLUMNSxROWS")]
     resolution: Option<Resolution>,
 }
@@ -81,7 +82,8 @@ pub(super) enum SamplerName {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum InversionName {
-    /// Continuous in both directions, over the concentric map (Havran et al. 2003), rows interpolated as they are.
+    /// Continuous in both directions, over the concentric map (Havran et al. 2003), rows interpolated as they
+    /// are.
     Bicontinuous,
     /// The same with rows normalised before, as the paper has it.
     NormalisedRows,

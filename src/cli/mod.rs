@@ -31,8 +31,8 @@ use std::process::ExitCode;
 
 /// Live light capture: turns HDR pictures of the surroundings into short lists of directional lights.
 ///
-/// Results (JSON) go to standard output, messages to standard error. Exit codes: 0 done, 1 failed, 2 wrong usage
-/// or configuration; 128 + n when a second signal n ended a run at once.
+/// Results (JSON) go to standard output, messages to standard error. Exit codes: 0 done, 1 failed, 2 wrong
+/// usage or configuration; 128 + n when a second signal n ended a run at once.
 #[derive(Debug, Parser)]
 #[command(name = "lightcast", version, propagate_version = true, max_term_width = 110)]
 struct Arguments {

@@ -22,8 +22,8 @@ pub(super) fn map_shape(resolution: Option<Resolution>, is_hemisphere: bool) -> 
     PolarShape::new(columns, rows, theta_max_rad).map_err(|error| Error::from(error).at("--resolution"))
 }
 
-/// Reads a lat-long panorama of the whole sphere, a file or `-`, and averages it by area to a polar map. Pixels without a usable
-/// value count as black; a message says how many.
+/// Reads a lat-long panorama of the whole sphere, a file or `-`, and averages it by area to a polar map.
+/// Pixels without a usable value count as black; a message says how many.
 pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> {
     Ok(read_panorama_as(path, &[shape])?.swap_remove(0))
 }

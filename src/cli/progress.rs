@@ -1,4 +1,5 @@
-//! How far a command is, on standard error: a bar where that is a terminal, elsewhere a plain line now and then.
+//! How far a command is, on standard error: a bar where that is a terminal, elsewhere a plain line now and
+//! then.
 
 use super::messages::PROGRESS;
 use indicatif::{FormattedDuration, ProgressBar, ProgressStyle};
@@ -89,8 +90,8 @@ impl Progress {
     }
 }
 
-/// Lines become rarer, so that a service of weeks does not fill a log: each comes when the time since the start has
-/// grown by a half.
+/// Lines become rarer, so that a service of weeks does not fill a log: each comes when the time since the
+/// start has grown by a half.
 fn next_line_ms(elapsed_ms: u64) -> u64 {
     elapsed_ms.saturating_add((elapsed_ms / 2).max(FIRST_LINE_MS))
 }

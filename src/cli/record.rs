@@ -10,13 +10,14 @@ use std::time::{Duration, Instant};
 
 /// Record what a camera gives, as it comes, without making lights.
 ///
-/// CONFIG names the camera in its section [source]; before there is a calibration, leave [camera] out. Every frame becomes a file `frame.NNNNNN.exr` with its sequence number: sensor codes without loss, with rate, capture
-/// time, exposure, mosaic and lens in its attributes. `recording.json` beside them says what was recorded and how many
-/// frames are missing. A disk that is too slow loses frames of the recording, which are counted as drops; a full disk
-/// ends it, and all that was written before can be played.
+/// CONFIG names the camera in its section [source]; before there is a calibration, leave [camera] out. Every
+/// frame becomes a file `frame.NNNNNN.exr` with its sequence number: sensor codes without loss, with rate,
+/// capture time, exposure, mosaic and lens in its attributes. `recording.json` beside them says what was
+/// recorded and how many frames are missing. A disk that is too slow loses frames of the recording, which are
+/// counted as drops; a full disk ends it, and all that was written before can be played.
 ///
-/// The recording is played as any sequence: kind = "sequence" with the folder as its path. To record while lights are
-/// made, see `lightcast run --record`.
+/// The recording is played as any sequence: kind = "sequence" with the folder as its path. To record while
+/// lights are made, see `lightcast run --record`.
 ///
 /// Example: lightcast record config/camera.toml --output recording/ --seconds 10
 #[derive(Debug, clap::Args)]
@@ -29,7 +30,8 @@ pub(super) struct Arguments {
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
 
-    /// Write radiance as half floats, by the response of the configuration, in place of what the camera gives.
+    /// Write radiance as half floats, by the response of the configuration, in place of what the camera
+    /// gives.
     #[arg(long)]
     half: bool,
 

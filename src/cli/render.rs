@@ -27,12 +27,12 @@ use values::{Target, field_of_view, milliseconds, vector};
 ///   a panorama of the whole sphere, OpenEXR or Radiance HDR;
 ///   light lists, one JSON object a line, as `run` and `lights` write them (.jsonl, .json);
 ///   a configuration, as for `run` (.toml);
-///   the address of a server (ws://HOST:PORT or HOST:PORT); `watch --render` does the same with more to choose;
+///   the address of a server (ws://HOST:PORT or HOST:PORT); `watch --render` offers more for these;
 ///   `-`: light lists or a panorama on standard input.
 ///
-/// --output names a file, .png for people or .exr for linear radiance, which gets a picture of the first list; or a folder,
-/// which gets frame_NUMBER.png for every list. Without --output a window opens, if there is a display; there lists arrive
-/// at their own pace, and the newest is shown. Its keys:
+/// --output names a file, .png for people or .exr for linear radiance, which gets a picture of the first
+/// list; or a folder, which gets frame_NUMBER.png for every list. Without --output a window opens, if there
+/// is a display; there lists arrive at their own pace, and the newest is shown. Its keys:
 ///   drag left, right   turn round the scene, move sideways (Shift and left does that too)
 ///   wheel              go nearer or away
 ///   Space              freeze the lights, or let them go on
@@ -58,7 +58,8 @@ pub(super) struct Arguments {
     #[arg(skip)]
     subscription: Option<ClientOptions>,
 
-    /// Picture file (.png, .exr), or folder for numbered pictures (made if it does not exist). Default: a window.
+    /// Picture file (.png, .exr), or folder for numbered pictures (made if it does not exist). Default: a
+    /// window.
     #[arg(long, short, value_name = "FILE|FOLDER")]
     output: Option<PathBuf>,
 
@@ -138,8 +139,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     time: f64,
 
-    /// Render the list of the first frame in every N sequence numbers; `run --picture-every N` draws the same frames,
-    /// and gives them the same numbers.
+    /// Render the list of the first frame in every N sequence numbers; `run --picture-every N` draws the same
+    /// frames, and gives them the same numbers.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     every: u64,
 
@@ -174,8 +175,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 impl Arguments {
-    /// The arguments of `lightcast render INPUT REST...`, with what a server is asked for; help, and a fault with what is
-    /// wrong, end the program as they do there.
+    /// The arguments of `lightcast render INPUT REST...`, with what a server is asked for; help, and a fault
+    /// with what is wrong, end the program as they do there.
     pub fn of_watch(input: &OsStr, rest: &[OsString], subscription: Option<ClientOptions>) -> Self {
         #[derive(clap::Parser)]
         #[command(name = "lightcast watch INPUT --render")]

@@ -18,19 +18,20 @@ use std::path::PathBuf;
 
 /// Measure error against time, as a page, plots and JSON.
 ///
-/// For every map and every way to make lights of it, with 4, 8, ... 1024 lights: error of irradiance, shadows and glossy
-/// surfaces against the time that the lights take. For every sequence: error against the filtered truth, flicker and
-/// motion of the lights against the time of a frame. Where there is a GPU, pictures under every map too. What is on the
-/// Pareto front is marked. Without an INPUT three maps and two sequences are made up. The hard cases follow: what
-/// plain f32 makes of them, and how far this program is from f64.
+/// For every map and every way to make lights of it, with 4, 8, ... 1024 lights: error of irradiance, shadows
+/// and glossy surfaces against the time that the lights take. For every sequence: error against the filtered
+/// truth, flicker and motion of the lights against the time of a frame. Where there is a GPU, pictures under
+/// every map too. What is on the Pareto front is marked. Without an INPUT three maps and two sequences are
+/// made up. The hard cases follow: what plain f32 makes of them, and how far this program is from f64.
 ///
-/// An INPUT is a map or a sequence. A map is a lat-long panorama, OpenEXR or Radiance HDR, or `-` for one on standard
-/// input. A sequence is a folder or pattern (name.####.exr) of numbered panoramas, or a configuration as `run` takes it.
-/// Light lists and servers have no map to measure lights against and are refused.
+/// An INPUT is a map or a sequence. A map is a lat-long panorama, OpenEXR or Radiance HDR, or `-` for one on
+/// standard input. A sequence is a folder or pattern (name.####.exr) of numbered panoramas, or a
+/// configuration as `run` takes it. Light lists and servers have no map to measure lights against and are
+/// refused.
 ///
-/// The folder gets index.html, which needs nothing else, report.json and the plots as SVG; it is written anew after every
-/// input. Ctrl-C (SIGINT) or SIGTERM ends the report with what is done; a second signal ends it at once. Thirteen maps
-/// and two sequences take some minutes.
+/// The folder gets index.html, which needs nothing else, report.json and the plots as SVG; it is written anew
+/// after every input. Ctrl-C (SIGINT) or SIGTERM ends the report with what is done; a second signal ends it
+/// at once. Thirteen maps and two sequences take some minutes.
 ///
 /// Examples:
 ///   lightcast report
@@ -78,12 +79,13 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "MAP", requires = "hall")]
     garden: Option<PathBuf>,
 
-    /// A panorama some of whose lamps flicker: one more sequence, of 40 frames. Published figures are of dancing_hall_1k.
+    /// A panorama some of whose lamps flicker: one more sequence, of 40 frames. Published figures are of
+    /// dancing_hall_1k.
     #[arg(long, value_name = "MAP", requires = "garden")]
     hall: Option<PathBuf>,
 
-    /// Draw pictures even by a Vulkan driver in software, which takes half a minute or more a map. They are of 4, 16, 64 and
-    /// 256 lights, or those of --lights, at most 512.
+    /// Draw pictures even by a Vulkan driver in software, which takes half a minute or more a map. They are
+    /// of 4, 16, 64 and 256 lights, or those of --lights, at most 512.
     #[cfg(feature = "render")]
     #[arg(long, conflicts_with = "stability")]
     pictures: bool,

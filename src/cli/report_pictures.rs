@@ -14,10 +14,11 @@ use std::path::{Path, PathBuf};
 
 /// Print error of pictures against the number of lights, as tables and a plot.
 ///
-/// Every scene is drawn under every MAP, a lat-long panorama of which the upper half counts, with 4, 8, ... 512 lights
-/// of equal power and refined ones, and once with every pixel of the map as a light: the reference. Tables say how far
-/// each picture is from it (RMS of linear radiance relative to the mean, and mean FLIP, both over the pixels that show
-/// a surface) and the median time of a frame; the last one holds the geometric means.
+/// Every scene is drawn under every MAP, a lat-long panorama of which the upper half counts, with 4, 8, ...
+/// 512 lights of equal power and refined ones, and once with every pixel of the map as a light: the
+/// reference. Tables say how far each picture is from it (RMS of linear radiance relative to the mean, and
+/// mean FLIP, both over the pixels that show a surface) and the median time of a frame; the last one holds
+/// the geometric means.
 ///
 /// Pictures are small by default, as there may be no GPU: the whole takes minutes in software.
 ///
@@ -37,11 +38,13 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "160x120")]
     size: Resolution,
 
-    /// Size of the polar map that a panorama is averaged to; the reference has a light for each of its pixels.
+    /// Size of the polar map that a panorama is averaged to; the reference has a light for each of its
+    /// pixels.
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "120x30")]
     resolution: Resolution,
 
-    /// Shadow maps, for the lights of most power; the others borrow the nearest. By default every light has its own.
+    /// Shadow maps, for the lights of most power; the others borrow the nearest. By default every light has
+    /// its own.
     #[arg(long, value_name = "N", default_value_t = COUNTS[COUNTS.len() - 1])]
     shadow_maps: usize,
 

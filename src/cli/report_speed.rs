@@ -13,12 +13,12 @@ use std::path::PathBuf;
 
 /// Print the speed of the renderer, as tables.
 ///
-/// Tables say what angular regions and clusters of lights gain, what triangles, lights and pixels cost, and how fast
-/// the paper's settings and 1920 x 1080 pixels are: median time of a frame until the device is done, and GPU time of
-/// every pass where the adapter measures it, all in ms.
+/// Tables say what angular regions and clusters of lights gain, what triangles, lights and pixels cost, and
+/// how fast the paper's settings and 1920 x 1080 pixels are: median time of a frame until the device is done,
+/// and GPU time of every pass where the adapter measures it, all in ms.
 ///
-/// The lights are those of the upper halves of MAPS, lat-long panoramas: the gain of clusters is measured with each,
-/// the rest with the first. Without a MAP one is made up.
+/// The lights are those of the upper halves of MAPS, lat-long panoramas: the gain of clusters is measured
+/// with each, the rest with the first. Without a MAP one is made up.
 ///
 /// Example: lightcast report-speed studio.hdr noon.hdr
 #[derive(Debug, clap::Args)]

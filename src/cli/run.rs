@@ -25,19 +25,20 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Capture or play what a configuration names and write a light list for every frame.
 ///
-/// Each frame gives one line of JSON: time and place in the sequence, power, error, and every light with its slot,
-/// direction, irradiance and spread. Standard error gets progress, every file that could not be read, and a summary at
-/// the end: frames, drops, bad frames and times of every stage, the frames that a camera lost, and the pixels that were
-/// saturated or invalid.
+/// Each frame gives one line of JSON: time and place in the sequence, power, error, and every light with its
+/// slot, direction, irradiance and spread. Standard error gets progress, every file that could not be read,
+/// and a summary at the end: frames, drops, bad frames and times of every stage, the frames that a camera
+/// lost, and the pixels that were saturated or invalid.
 ///
-/// Ctrl-C (SIGINT) or SIGTERM ends the run after the frames under way, and all lists written are whole; a second
-/// signal ends it at once with exit code 128 + signal. A reader that closes the pipe ends the run too.
+/// Ctrl-C (SIGINT) or SIGTERM ends the run after the frames under way, and all lists written are whole; a
+/// second signal ends it at once with exit code 128 + signal. A reader that closes the pipe ends the run too.
 ///
 /// A camera that is unplugged or does not answer is started again until it is back.
 ///
-/// With --listen the lists are also streamed to clients, over WebSockets; http://HOST:PORT/ shows them in a browser. Then
-/// SIGHUP takes the configuration anew: if it is bad the old one stays, else the service starts again with it, and
-/// clients stay connected (those of a server whose section [server] has changed connect again). Lists then are written only to --output.
+/// With --listen the lists are also streamed to clients, over WebSockets; http://HOST:PORT/ shows them in a
+/// browser. Then SIGHUP takes the configuration anew: if it is bad the old one stays, else the service starts
+/// again with it, and clients stay connected (those of a server whose section [server] has changed connect
+/// again). Lists then are written only to --output.
 ///
 /// Examples:
 ///   lightcast run config/replay.toml | jq .error
@@ -56,18 +57,19 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
-    /// Draw the first map in every N sequence numbers; a picture has the number of the list that is drawn on it.
+    /// Draw the first map in every N sequence numbers; a picture has the number of the list that is drawn on
+    /// it.
     #[arg(long, value_name = "N", default_value_t = 25, requires = "pictures",
           value_parser = clap::value_parser!(u64).range(1..))]
     picture_every: u64,
 
-    /// Record the frames, as they are captured, into this new folder. A slow disk loses recorded frames, never live
-    /// ones.
+    /// Record the frames, as they are captured, into this new folder. A slow disk loses recorded frames,
+    /// never live ones.
     #[arg(long, value_name = "DIR")]
     pub record: Option<PathBuf>,
 
-    /// Stream the lists to clients that connect here. Names of this machine only (127.0.0.1, localhost) keep others out;
-    /// [server] in the configuration says who may connect.
+    /// Stream the lists to clients that connect here. Names of this machine only (127.0.0.1, localhost) keep
+    /// others out; [server] in the configuration says who may connect.
     #[arg(long, value_name = "HOST:PORT")]
     listen: Option<String>,
 }
@@ -102,7 +104,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     served.and(server.stop())
 }
 
-/// Raises the number of open files, of which every client is one, from the shell's limit to the one that is allowed.
+/// Raises the number of open files, of which every client is one, from the shell's limit to the one that is
+/// allowed.
 fn allow_many_connections() {
     let limit = getrlimit(Resource::Nofile);
     if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }) {
@@ -125,8 +128,8 @@ pub(super) fn ends(
     Ends { pictures, recording, output, board: board.cloned(), ..Ends::default() }
 }
 
-/// Shows the progress of a service until it ends, then its summary. `count` counts the `things` of its progress; `watch`
-/// sees the summary about ten times a second.
+/// Shows the progress of a service until it ends, then its summary. `count` counts the `things` of its
+/// progress; `watch` sees the summary about ten times a second.
 pub(super) fn watch(
     service: Service,
     summary: &Summary,
@@ -145,7 +148,8 @@ pub(super) fn watch(
     outcome
 }
 
-/// Where the lists are written: a file is made by the first service that starts, and gone on with by those after it.
+/// Where the lists are written: a file is made by the first service that starts, and gone on with by those
+/// after it.
 pub(super) struct OutputFile<'a> {
     path: Option<&'a Path>,
     /// Lists that clients get are written only where that is asked for.

@@ -1,4 +1,5 @@
-//! Ctrl-C and `kill`: the first asks for an orderly end, the second ends the process at once. A service also hears SIGHUP.
+//! Ctrl-C and `kill`: the first asks for an orderly end, the second ends the process at once. A service also
+//! hears SIGHUP.
 
 use crate::error::{Error, Result};
 use crate::rt::Shutdown;
@@ -10,8 +11,8 @@ use std::thread::{Builder, JoinHandle};
 
 /// Hands SIGINT and SIGTERM to a [`Shutdown`] until it is dropped.
 ///
-/// The second signal exits with 128 plus its number, as a shell reports a process that a signal ended. A line that
-/// is being written then may be cut.
+/// The second signal exits with 128 plus its number, as a shell reports a process that a signal ended. A line
+/// that is being written then may be cut.
 pub(super) struct SignalWatch {
     handle: Handle,
     thread: Option<JoinHandle<()>>,

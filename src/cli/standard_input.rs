@@ -7,7 +7,8 @@ use std::io::{self, BufRead, Cursor, Read};
 /// How often a request to end is looked for while nothing comes.
 const GLANCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
-/// Standard input, which ends with its last byte or when a shutdown is requested, though its writer is silent.
+/// Standard input, which ends with its last byte or when a shutdown is requested, though its writer is
+/// silent.
 pub(super) struct StandardInput {
     /// What was read when its kind was looked for.
     first: Cursor<Vec<u8>>,

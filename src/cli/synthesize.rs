@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 
 /// Make a sequence of frames by calculation, as a script says.
 ///
-/// A script (TOML) names a scene (sky with sun and clouds, room with lamps, or an HDR panorama), what moves in it,
-/// and what takes it: a lat-long picture, or a fisheye lens with a response. Frames of radiance become OpenEXR
-/// files, raw sensor codes 16-bit PNG files. Beside fisheye frames stands calibration.json with lens and response.
-/// The same script gives the same bytes. replay/*.toml are scripts that explain their keys.
+/// A script (TOML) names a scene (sky with sun and clouds, room with lamps, or an HDR panorama), what moves
+/// in it, and what takes it: a lat-long picture, or a fisheye lens with a response. Frames of radiance become
+/// OpenEXR files, raw sensor codes 16-bit PNG files. Beside fisheye frames stands calibration.json with lens
+/// and response. The same script gives the same bytes. replay/*.toml are scripts that explain their keys.
 ///
 /// Panoramas that a script names as data:PATH are looked for in the folder that LIGHTCAST_DATA names.
 ///

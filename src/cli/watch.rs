@@ -23,17 +23,19 @@ use tally::Tally;
 
 /// Show, record or render lists as they come: from a server, a file or standard input.
 ///
-/// INPUT is the address of a `run --listen` (ws://HOST:PORT, the address of its page, or HOST:PORT), a file of light lists
-/// (.jsonl, .json), or `-` for lists on standard input. A connection that breaks is made again, as often as it takes.
+/// INPUT is the address of a `run --listen` (ws://HOST:PORT, the address of its page, or HOST:PORT), a file
+/// of light lists (.jsonl, .json), or `-` for lists on standard input. A connection that breaks is made
+/// again, as often as it takes.
 ///
-/// Without --json, every second and at the end one line on standard error says what came: the last sequence number,
-/// lights, error, lists a second and, of a server, kilobytes a second, the median and largest age, and the lists that
-/// this client was too slow for. The age is the time since the capture, by the clocks (UTC) of both machines; for a replay
-/// as fast as it goes, since the sending.
+/// Without --json, every second and at the end one line on standard error says what came: the last sequence
+/// number, lights, error, lists a second and, of a server, kilobytes a second, the median and largest age,
+/// and the lists that this client was too slow for. The age is the time since the capture, by the clocks
+/// (UTC) of both machines; for a replay as fast as it goes, since the sending.
 ///
-/// --json writes every list as one line, the very bytes that the server's own `run --output` writes where lists come as
-/// JSON and nothing is joined; `--format binary` needs a tenth of the bytes and rounds. --record writes these lines to a
-/// file. Both let lists wait at the server (--queue) so that none is lost over a hiccup. A file is read as fast as it goes.
+/// --json writes every list as one line, the very bytes that the server's own `run --output` writes where
+/// lists come as JSON and nothing is joined; `--format binary` needs a tenth of the bytes and rounds.
+/// --record writes these lines to a file. Both let lists wait at the server (--queue) so that none is lost
+/// over a hiccup. A file is read as fast as it goes.
 ///
 /// Examples:
 ///   lightcast watch ws://studio:7300

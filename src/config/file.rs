@@ -13,8 +13,8 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 
-/// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and the turn that this
-/// leaves open is far below a pixel.
+/// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and the turn that
+/// this leaves open is far below a pixel.
 const ROTATION_TOLERANCE: f64 = 1e-5;
 
 #[derive(Deserialize)]

@@ -113,7 +113,8 @@ impl Config {
         file::parse(TomlText::load(path)?)
     }
 
-    /// Puts file and line in front of an error about an option of `section` that only its algorithm could find.
+    /// Puts file and line in front of an error about an option of `section` that only its algorithm could
+    /// find.
     pub fn locate(&self, section: &str, error: impl Into<Error>) -> Error {
         self.origin.locate(section, error.into())
     }

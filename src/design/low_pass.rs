@@ -1,8 +1,8 @@
 //! Equiripple low-pass filters of linear phase (Parks-McClellan), designed by the crate `pm-remez`.
 //!
-//! The nine weights that the paper prints come out of order 8, pass band to 7 Hz, stop band from 9.6 Hz at 25 Hz,
-//! not out of the 21, 7 and 9 Hz of its text. At other frame rates the bands stay and the order is the even number
-//! that keeps the delay nearest to the paper's 4 frames at 25 Hz, 160 ms.
+//! The nine weights that the paper prints come out of order 8, pass band to 7 Hz, stop band from 9.6 Hz at 25
+//! Hz, not out of the 21, 7 and 9 Hz of its text. At other frame rates the bands stay and the order is the
+//! even number that keeps the delay nearest to the paper's 4 frames at 25 Hz, 160 ms.
 
 use crate::error::{Error, Place, Result};
 use lightcast_core::temporal::{Directions, Taps};
@@ -68,13 +68,13 @@ impl FilterOptions {
 
 /// Taps for a frame rate: order `2 round(delay_s * frame_rate_hz)`, gain 1 at 0 Hz.
 ///
-/// Gives [`Taps::identity`] where nothing is to be filtered: options not `enabled`, a rate below `2 stop_hz` (the
-/// stop band lies beyond what is sampled), a rate that is unknown (NaN, zero or negative), a delay that rounds to
-/// no frame.
+/// Gives [`Taps::identity`] where nothing is to be filtered: options not `enabled`, a rate below `2 stop_hz`
+/// (the stop band lies beyond what is sampled), a rate that is unknown (NaN, zero or negative), a delay that
+/// rounds to no frame.
 ///
 /// # Errors
-/// Kind `Usage` for options that [`FilterOptions::check`] refuses, for an order above 640 (rates above 2000 Hz at
-/// the default delay) and for bands that no filter of this order tells apart.
+/// Kind `Usage` for options that [`FilterOptions::check`] refuses, for an order above 640 (rates above 2000
+/// Hz at the default delay) and for bands that no filter of this order tells apart.
 pub fn low_pass(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
     options.check()?;
     // Written so that NaN ends here too.
@@ -134,7 +134,8 @@ mod tests {
     use crate::error::Kind;
     use std::f64::consts::TAU;
 
-    /// Amplitude response of symmetric taps: `h_m + 2 sum_k h_(m-k) cos(2 pi f k)`, f in units of the frame rate.
+    /// Amplitude response of symmetric taps: `h_m + 2 sum_k h_(m-k) cos(2 pi f k)`, f in units of the frame
+    /// rate.
     fn gain(taps: &[f64], f: f64) -> f64 {
         let middle = taps.len() / 2;
         taps[middle] + 2.0 * (1..=middle).map(|k| taps[middle - k] * (TAU * f * k as f64).cos()).sum::<f64>()
@@ -184,8 +185,8 @@ mod tests {
             let taps = low_pass(rate, &FilterOptions::default()).unwrap();
             assert_eq!(taps.order(), 2 * (0.16 * rate).round() as usize, "{rate} Hz");
             assert!((gain(taps.as_slice(), 0.0) - 1.0).abs() < 1e-12);
-            // Chebyshev's alternation theorem: the best filter has equal ripples in both bands. At twice the stop
-            // frequency the stop band is one point.
+            // Chebyshev's alternation theorem: the best filter has equal ripples in both bands. At twice the
+            // stop frequency the stop band is one point.
             let (pass, stop) = ripples(&equiripple(taps.order(), rate, 7.0, 9.6).unwrap(), rate, 7.0, 9.6);
             assert!((pass / stop - 1.0).abs() < 2e-3, "{rate} Hz: {pass} {stop}");
             assert!(pass < 0.13, "{rate} Hz: {pass}");

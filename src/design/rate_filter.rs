@@ -26,8 +26,8 @@ impl RateFilter {
     /// Takes the next list of the sequence and writes the filtered one, as [`LightFilter::step`].
     ///
     /// # Errors
-    /// Those of [`low_pass`], when the first list or a new frame rate asks for a filter that cannot be made; the
-    /// next list is then taken as the first.
+    /// Those of [`low_pass`], when the first list or a new frame rate asks for a filter that cannot be made;
+    /// the next list is then taken as the first.
     pub fn step(&mut self, input: &ReferencedList, filtered: &mut ReferencedList) -> Result<()> {
         let rate_bits = Some(input.list.stamp.frame_rate_hz.to_bits());
         if self.rate_bits != rate_bits {

@@ -56,8 +56,8 @@ impl TomlText {
     }
 
     /// Says in which file and line an error about a value of `table` (empty: the whole file) stands, by its
-    /// [key](Error::key). Where no such key is written, the line is that of the innermost table about it, and where there
-    /// is none either, the table is named instead.
+    /// [key](Error::key). Where no such key is written, the line is that of the innermost table about it, and
+    /// where there is none either, the table is named instead.
     pub fn locate(&self, table: &str, error: Error) -> Error {
         let key = error.key().unwrap_or_default();
         let steps = table.split('.').chain(key.split(['.', '['])).filter(|step| !step.is_empty());

@@ -1,10 +1,11 @@
 //! OpenEXR pictures in: half, float and uint channels, scan lines or tiles, full resolution.
 //!
 //! - The data window is the picture; where it lies in the display window is not looked at.
-//! - Of a file with several parts the first with channels named exactly `R`, `G` and `B` is taken, else the first
-//!   with `Y`. Names with a layer in front (`diffuse.R`), alpha and everything else are left out.
+//! - Of a file with several parts the first with channels named exactly `R`, `G` and `B` is taken, else the
+//!   first with `Y`. Names with a layer in front (`diffuse.R`), alpha and everything else are left out.
 //! - Of mip maps and rip maps only the full resolution is read.
-//! - Files that `lightcast` recorded hold sensor codes as uint channels; the attributes of [`attribute`] say so.
+//! - Files that `lightcast` recorded hold sensor codes as uint channels; the attributes of [`attribute`] say
+//!   so.
 //! - Refused: deep data, luminance/chroma (`Y`, `RY`, `BY`) and other subsampled channels, cube maps.
 //!
 //! Blocks are decoded one after another in the calling thread: the parallel form of `exr` 1.74 starts a

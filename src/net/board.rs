@@ -12,12 +12,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use tokio::sync::watch;
 
-/// Forms of one list that clients can choose freely: they mostly ask for a few round numbers. Once there are so many,
-/// others get a power of two.
+/// Forms of one list that clients can choose freely: they mostly ask for a few round numbers. Once there are
+/// so many, others get a power of two.
 const FORMS_MAX: usize = 16;
 
-/// Where the service puts what clients may want: the newest lists, the newest map, what its stages have done. Posting
-/// waits for nobody; a service that is started anew goes on posting on the same board.
+/// Where the service puts what clients may want: the newest lists, the newest map, what its stages have done.
+/// Posting waits for nobody; a service that is started anew goes on posting on the same board.
 pub struct Board {
     lists: Mutex<Lists>,
     /// Number of the next post, for those who wait for it.
@@ -144,9 +144,9 @@ impl Board {
         lock(&self.map).clone()
     }
 
-    /// The list of `post` as `subscription` wants it: what `wire` calls its body. It is worked out once for all clients
-    /// that want the same; where they want too many different ones, some get fewer lights. `None` where it cannot be
-    /// encoded, which is told once.
+    /// The list of `post` as `subscription` wants it: what `wire` calls its body. It is worked out once for
+    /// all clients that want the same; where they want too many different ones, some get fewer lights. `None`
+    /// where it cannot be encoded, which is told once.
     pub(super) fn body(&self, post: &Post, subscription: &Subscription, is_binary: bool) -> Option<Bytes> {
         let mut light_count = subscription.light_count(&post.list);
         let mut forms = lock(&post.forms);
@@ -211,7 +211,8 @@ fn encode(list: &LightList, is_binary: bool, body: &mut Vec<u8>) -> Result<()> {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Whoever panicked here has left sound values: every change is a few assignments, and the panic ends the service.
+    // Whoever panicked here has left sound values: every change is a few assignments, and the panic ends the
+    // service.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

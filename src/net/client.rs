@@ -46,8 +46,8 @@ pub struct ClientOptions {
 }
 
 impl ClientOptions {
-    /// Everything, as bytes, from the server at `url`: `ws://HOST:PORT`, the address of its page (`http://...`), or
-    /// HOST:PORT. Without a path it is `/ws`.
+    /// Everything, as bytes, from the server at `url`: `ws://HOST:PORT`, the address of its page
+    /// (`http://...`), or HOST:PORT. Without a path it is `/ws`.
     ///
     /// # Errors
     /// Kind `Usage`: this is no such address.
@@ -84,15 +84,15 @@ impl ClientOptions {
     }
 }
 
-/// Takes lists from a server until a shutdown is requested or nobody wants them any more. A connection that breaks is made
-/// again, as often as it takes, with growing waits; so is one that cannot be made yet.
+/// Takes lists from a server until a shutdown is requested or nobody wants them any more. A connection that
+/// breaks is made again, as often as it takes, with growing waits; so is one that cannot be made yet.
 pub struct Client {
     threads: Threads,
 }
 
 impl Client {
-    /// Starts on a thread of its own, which counts in `metrics` and calls `deliver` with every message; false ends it, as
-    /// does an error. While `deliver` takes its time, the server skips lists.
+    /// Starts on a thread of its own, which counts in `metrics` and calls `deliver` with every message; false
+    /// ends it, as does an error. While `deliver` takes its time, the server skips lists.
     ///
     /// # Errors
     /// Those of the system for threads.
@@ -132,7 +132,8 @@ impl Client {
     /// Waits for its end; calls `watch` about every `interval` meanwhile.
     ///
     /// # Errors
-    /// When the server refuses this client for good: a wrong address, subscription or token; those of `deliver`.
+    /// When the server refuses this client for good: a wrong address, subscription or token; those of
+    /// `deliver`.
     pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
         self.threads.join(interval, watch)
     }

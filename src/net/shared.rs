@@ -60,7 +60,8 @@ pub(super) struct EncodedMap {
 }
 
 impl Shared {
-    /// What the connections of a new server share: what clients ask for is on `board`, who gets in is up to `options`.
+    /// What the connections of a new server share: what clients ask for is on `board`, who gets in is up to
+    /// `options`.
     pub fn new(board: &Arc<Board>, names: Names, options: ServerOptions) -> Self {
         let metrics = Metrics::new("serve");
         Self {

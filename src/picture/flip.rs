@@ -1,13 +1,13 @@
 //! How different two pictures look: LDR-FLIP.
 //!
-//! P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström and M. D. Fairchild 2020, *FLIP: A Difference
-//! Evaluator for Alternating Images* (Proc. ACM Comput. Graph. Interact. Tech. 3, 2, article 15), the paper below, with
-//! what its authors have noted since (research.nvidia.com/publication/flip): luminance is divided by 116, and pictures
-//! are best summed up by their mean. An error is the difference that an observer notices who flips between the two
-//! pictures: 0 for none, 1 for the largest that there is.
+//! P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström and M. D. Fairchild 2020, *FLIP: A
+//! Difference Evaluator for Alternating Images* (Proc. ACM Comput. Graph. Interact. Tech. 3, 2, article 15),
+//! the paper below, with what its authors have noted since (research.nvidia.com/publication/flip): luminance
+//! is divided by 116, and pictures are best summed up by their mean. An error is the difference that an
+//! observer notices who flips between the two pictures: 0 for none, 1 for the largest that there is.
 //!
-//! Written here because the one crate for it (`nv-flip`) wraps the reference implementation, needs a C++ compiler for
-//! that and has long had no release.
+//! Written here because the one crate for it (`nv-flip`) wraps the reference implementation, needs a C++
+//! compiler for that and has long had no release.
 //!
 //! | paper | here |
 //! |---|---|
@@ -26,7 +26,8 @@ use filter::{Derivative, Sensitivity, derivative, separable};
 use glam::{DMat3, DVec3};
 use lightcast_core::math::linear_from_srgb;
 
-/// Pixels in a degree of an observer 0.7 m away from a screen that is 0.7 m and 3840 pixels wide, FLIP's own default.
+/// Pixels in a degree of an observer 0.7 m away from a screen that is 0.7 m and 3840 pixels wide, FLIP's own
+/// default.
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;
 
 /// Compresses large differences of colour (q_c).
@@ -49,11 +50,13 @@ pub struct FlipError {
     pub map: Vec<f32>,
 }
 
-/// LDR-FLIP between two pictures of `width` columns, linear RGB (Rec. 709) in [0, 1], row by row. What lies outside
-/// is clamped, NaN is black. 8-bit pictures come through [`linear_from_srgb8`]. The error is symmetric.
+/// LDR-FLIP between two pictures of `width` columns, linear RGB (Rec. 709) in [0, 1], row by row. What lies
+/// outside is clamped, NaN is black. 8-bit pictures come through [`linear_from_srgb8`]. The error is
+/// symmetric.
 ///
 /// # Panics
-/// When the pictures are not of one size, `width` does not divide it, or `pixels_per_degree` is not in [1, 1000].
+/// When the pictures are not of one size, `width` does not divide it, or `pixels_per_degree` is not in [1,
+/// 1000].
 pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], width: usize, pixels_per_degree: f64) -> FlipError {
     assert_eq!(reference.len(), test.len(), "both pictures are of one size");
     assert!((1.0..=1000.0).contains(&pixels_per_degree), "{pixels_per_degree} pixels per degree");
@@ -112,8 +115,8 @@ impl Seen {
             .map(|i| colour_space.lab(DVec3::from_array(blurred.each_ref().map(|plane| plane[i]))))
             .collect();
 
-        // Edges and points of y, relative luminance: what (Y + 16) / 116 is.
-        // Standard deviation such that the first derivative's lobes are `FEATURE_WIDTH_DEG` apart.
+        // Edges and points of y, relative luminance: what (Y + 16) / 116 is. Standard deviation such that the
+        // first derivative's lobes are `FEATURE_WIDTH_DEG` apart.
         let deviation_px = 0.5 * FEATURE_WIDTH_DEG * pixels_per_degree;
         let blur = derivative(Derivative::None, deviation_px);
         let strength = |order| {
@@ -141,7 +144,8 @@ struct ColourSpace {
 
 impl ColourSpace {
     fn new() -> Self {
-        // The primaries (0.64, 0.33), (0.3, 0.6), (0.15, 0.06) and D65 at (0.3127, 0.329), worked out exactly.
+        // The primaries (0.64, 0.33), (0.3, 0.6), (0.15, 0.06) and D65 at (0.3127, 0.329), worked out
+        // exactly.
         let [x, y, z] = [
             DVec3::new(10_135_552.0, 8_788_810.0, 4_435_075.0) / 24_577_794.0,
             DVec3::new(2_613_072.0, 8_788_810.0, 887_015.0) / 12_288_897.0,
@@ -179,7 +183,8 @@ fn hunt_adjusted_lab(xyz: DVec3) -> DVec3 {
     DVec3::new(lightness, 500.0 * (x - y) * hunt, 200.0 * (y - z) * hunt)
 }
 
-/// The distance of Abasi et al. 2020, made for large differences: city-block in lightness, Euclidean in colour.
+/// The distance of Abasi et al. 2020, made for large differences: city-block in lightness, Euclidean in
+/// colour.
 fn hyab(one: DVec3, other: DVec3) -> f64 {
     let difference = one - other;
     difference.x.abs() + difference.y.hypot(difference.z)

@@ -13,13 +13,15 @@ const SIZE: usize = 720;
 const WIDEST_DISC_RAD: f64 = 2.0;
 /// Colour of the lights, as in the paper's figure 1.
 const GREEN: [u8; 3] = [40, 255, 60];
-/// Radius of a light that has all the power, as a part of the width; others by the square root of their share.
+/// Radius of a light that has all the power, as a part of the width; others by the square root of their
+/// share.
 const FULL_RADIUS: f64 = 1.0 / 12.0;
 
 /// Where directions fall on the picture.
 #[derive(Clone, Copy)]
 enum MapView {
-    /// Azimuthal equidistant about +Y: theta from the centre, phi anticlockwise from the right, as seen from below.
+    /// Azimuthal equidistant about +Y: theta from the centre, phi anticlockwise from the right, as seen from
+    /// below.
     Disc { side: usize },
     /// Columns are phi, rows are theta.
     Panorama { width: usize, height: usize },
@@ -98,8 +100,8 @@ impl MapBackground {
         self.canvas.width
     }
 
-    /// A copy with a ring for every light, its area in proportion to the light's share of the power. Lights beyond the
-    /// map's rim are left out.
+    /// A copy with a ring for every light, its area in proportion to the light's share of the power. Lights
+    /// beyond the map's rim are left out.
     pub fn draw(&self, lights: &[Light]) -> Canvas {
         let mut canvas = self.canvas.clone();
         let full_radius = FULL_RADIUS * canvas.width as f64;
@@ -118,7 +120,8 @@ impl MapBackground {
     }
 }
 
-/// The tone-mapped map as it is, a pixel of the PNG file for a pixel of the map: columns are azimuth, rows the polar angle.
+/// The tone-mapped map as it is, a pixel of the PNG file for a pixel of the map: columns are azimuth, rows
+/// the polar angle.
 ///
 /// # Errors
 /// A map without pixels, or with more than a PNG file can have.

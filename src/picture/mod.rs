@@ -1,5 +1,6 @@
 //! Pictures for people: a map with its lights drawn on it, and the sphere-on-plane scene of METHODS section 9
-//! shaded by the lights and by the whole map, side by side. Also how different two pictures look, and line plots.
+//! shaded by the lights and by the whole map, side by side. Also how different two pictures look, and line
+//! plots.
 
 mod canvas;
 mod flip;

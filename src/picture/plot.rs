@@ -47,13 +47,14 @@ pub struct Parts {
 pub struct Series {
     /// Text in the legend.
     pub name: String,
-    /// (x, y), joined in this order. A point that has no place on the axes (zero, negative, infinite or NaN) is left
-    /// out and interrupts the line. A series without points has its entry in the legend and nothing else.
+    /// (x, y), joined in this order. A point that has no place on the axes (zero, negative, infinite or NaN)
+    /// is left out and interrupts the line. A series without points has its entry in the legend and nothing
+    /// else.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Colours that people with any of the common colour deficiencies can tell apart, all dark enough for thin lines on
-/// white: M. Okabe and K. Ito 2008, *Color Universal Design*, without yellow.
+/// Colours that people with any of the common colour deficiencies can tell apart, all dark enough for thin
+/// lines on white: M. Okabe and K. Ito 2008, *Color Universal Design*, without yellow.
 const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9"];
 /// The colour of the emphasised series, which then is no other's.
 const EMPHASIS: &str = "#000000";
@@ -290,7 +291,8 @@ fn text(svg: &mut String, x: f64, y: f64, attributes: &str, content: &str) {
         writeln!(svg, r#"<text x="{}" y="{}"{space}{attributes}>{}</text>"#, px(x), px(y), escaped(content));
 }
 
-/// Text as XML content, or as an attribute in double quotes. Characters that XML does not allow, such as most control characters, become U+FFFD.
+/// Text as XML content, or as an attribute in double quotes. Characters that XML does not allow, such as most
+/// control characters, become U+FFFD.
 pub fn escaped(content: &str) -> String {
     let mut safe = String::with_capacity(content.len());
     for character in content.chars() {

@@ -109,8 +109,8 @@ struct Patch {
     surface: Surface,
 }
 
-/// Adds the light of a stretch of emitters to the pixels of all patches. On the ground a light is hidden as in
-/// [`lightcast_core::light::measure`].
+/// Adds the light of a stretch of emitters to the pixels of all patches. On the ground a light is hidden as
+/// in [`lightcast_core::light::measure`].
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn add_light(stretch: &Stretch, patches: &[Patch], pixels: &mut [[f32; 3]]) {
     for patch in patches {
@@ -175,8 +175,8 @@ impl Pinhole {
     }
 }
 
-/// The scene of METHODS section 9 twice: on the left shaded by the lights, on the right by every pixel of the map.
-/// Both halves share one tone curve and a dim backdrop of the map's mean colour: the camera sees no sky.
+/// The scene of METHODS section 9 twice: on the left shaded by the lights, on the right by every pixel of the
+/// map. Both halves share one tone curve and a dim backdrop of the map's mean colour: the camera sees no sky.
 pub fn draw_scene(map: &PolarMap, lights: &[Light]) -> Canvas {
     let power = map.power();
     let extent = zone_solid_angle(0.0, map.shape.theta_max_rad(), 1.0);
@@ -194,8 +194,8 @@ pub fn draw_scene(map: &PolarMap, lights: &[Light]) -> Canvas {
     Canvas::from_fn(2 * WIDTH, HEIGHT, |x, y| tone.apply(halves[x / WIDTH][y * WIDTH + x % WIDTH]))
 }
 
-/// What the camera sees: patches of surface, and each pixel's share of backdrop. Every surface in a pixel is one
-/// patch, at its mean position.
+/// What the camera sees: patches of surface, and each pixel's share of backdrop. Every surface in a pixel is
+/// one patch, at its mean position.
 fn patches() -> (Vec<Patch>, Vec<f32>) {
     let camera = Pinhole::new();
     let (mut patches, mut backdrop_shares) = (Vec::new(), Vec::with_capacity(WIDTH * HEIGHT));

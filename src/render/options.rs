@@ -1,7 +1,7 @@
 use crate::error::{Error, Result};
 
-/// Sizes and numbers of a [`Renderer`](super::Renderer). The defaults are the paper's numbers of lights
-/// and shadow maps; the cone is wider.
+/// Sizes and numbers of a [`Renderer`](super::Renderer). The defaults are the paper's numbers of lights and
+/// shadow maps; the cone is wider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Columns of the picture.

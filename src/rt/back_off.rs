@@ -1,7 +1,7 @@
 use std::time::Duration;
 
-/// Growing waits between attempts at one thing: none before the first attempt, then a first wait that doubles with
-/// every further attempt, up to a longest.
+/// Growing waits between attempts at one thing: none before the first attempt, then a first wait that doubles
+/// with every further attempt, up to a longest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BackOff {
     first: Duration,
@@ -33,8 +33,8 @@ impl BackOff {
         self.attempts
     }
 
-    /// Whether the failure of this attempt is worth a line: the first, second, fourth, eighth... is, so that what is
-    /// away for days does not fill the log.
+    /// Whether the failure of this attempt is worth a line: the first, second, fourth, eighth... is, so that
+    /// what is away for days does not fill the log.
     pub fn is_worth_telling(&self) -> bool {
         self.attempts.is_power_of_two()
     }

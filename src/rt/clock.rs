@@ -4,21 +4,22 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Now on the kernel's CLOCK_MONOTONIC, in nanoseconds: one time for all programs of a machine, and that of most camera
-/// drivers' time stamps.
+/// Now on the kernel's CLOCK_MONOTONIC, in nanoseconds: one time for all programs of a machine, and that of
+/// most camera drivers' time stamps.
 pub fn monotonic_ns() -> i64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec)
 }
 
-/// What to add to [`monotonic_ns`] to get nanoseconds since 1970, now: UTC is set and slewed, the other never is.
+/// What to add to [`monotonic_ns`] to get nanoseconds since 1970, now: UTC is set and slewed, the other never
+/// is.
 pub fn utc_from_monotonic_ns() -> i64 {
     let utc = std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
     i64::try_from(utc.as_nanos()).unwrap_or(i64::MAX).saturating_sub(monotonic_ns())
 }
 
-/// What to add to a source's capture times to get [`monotonic_ns`], shared by those who need it; unknown until the source
-/// has begun, and for ever under a simulated clock. Clones know the same.
+/// What to add to a source's capture times to get [`monotonic_ns`], shared by those who need it; unknown
+/// until the source has begun, and for ever under a simulated clock. Clones know the same.
 #[derive(Clone, Debug, Default)]
 pub struct CaptureEpoch(Arc<OnceLock<i64>>);
 
@@ -36,8 +37,8 @@ impl CaptureEpoch {
 
 /// The time that paces a source, in nanoseconds since the clock was made. Clones show the same time.
 ///
-/// A replay as fast as it goes is a replay at its own rate under a simulated clock: the code is one and the same,
-/// only nobody waits.
+/// A replay as fast as it goes is a replay at its own rate under a simulated clock: the code is one and the
+/// same, only nobody waits.
 #[derive(Clone, Debug)]
 pub struct Clock(Kind);
 
@@ -75,7 +76,8 @@ impl Clock {
         }
     }
 
-    /// Waits until `time_ns`, not at all if that has passed. Returns false when shutdown was requested before.
+    /// Waits until `time_ns`, not at all if that has passed. Returns false when shutdown was requested
+    /// before.
     pub fn wait_until(&self, time_ns: i64, shutdown: &Shutdown) -> bool {
         match &self.0 {
             Kind::Real(_) => {

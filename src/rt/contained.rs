@@ -1,8 +1,8 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Runs `body`; a panic ends here, and what it said is the error. For code of others that gives up on damaged input, and
-/// for threads whose end somebody has to hear of: what `body` owned is dropped while unwinding, and what it has borrowed
-/// must be as good half made as the caller takes it to be.
+/// Runs `body`; a panic ends here, and what it said is the error. For code of others that gives up on damaged
+/// input, and for threads whose end somebody has to hear of: what `body` owned is dropped while unwinding,
+/// and what it has borrowed must be as good half made as the caller takes it to be.
 ///
 /// # Errors
 /// The message of the panic.

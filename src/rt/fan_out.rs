@@ -3,9 +3,10 @@
 use super::link::{Closed, Copied, PartOf, Sender};
 use super::stage::Outlet;
 
-/// Outlet of a stage that has any number of readers. The next stage of the chain, if there is one, gets the buffer
-/// that was filled; every other reader, an *end*, gets a copy in a buffer of its own link, and what its link does when
-/// it is full is the link's affair: a reader that has stopped holds up nobody behind a `latest` or `lossy` link.
+/// Outlet of a stage that has any number of readers. The next stage of the chain, if there is one, gets the
+/// buffer that was filled; every other reader, an *end*, gets a copy in a buffer of its own link, and what
+/// its link does when it is full is the link's affair: a reader that has stopped holds up nobody behind a
+/// `latest` or `lossy` link.
 ///
 /// An end that has gone gets no more. When the next stage has gone, or nobody is left, the outlet is closed.
 pub struct FanOut<T> {
@@ -42,7 +43,8 @@ impl<T: Copied> FanOut<T> {
         self.next = Some(next);
     }
 
-    /// Copies of the first item in every block of `every` sequence numbers, or of a part of it, go to `items`.
+    /// Copies of the first item in every block of `every` sequence numbers, or of a part of it, go to
+    /// `items`.
     pub fn add<P: PartOf<T> + 'static>(&mut self, items: Sender<P>, every: u64) {
         self.ends.push(End { items: Box::new(items), every: Every::new(every) });
     }
@@ -71,8 +73,8 @@ impl<T: Copied> Outlet for FanOut<T> {
     }
 }
 
-/// Finds the first item of every block of so many sequence numbers. Not the multiples themselves: where one was lost,
-/// the next takes its place.
+/// Finds the first item of every block of so many sequence numbers. Not the multiples themselves: where one
+/// was lost, the next takes its place.
 #[derive(Clone, Debug)]
 pub struct Every {
     count: u64,
@@ -85,7 +87,8 @@ impl Every {
         Self { count: count.max(1), last_block: None }
     }
 
-    /// Whether the item of this sequence number is the first of its block; one that has none counts only where all do.
+    /// Whether the item of this sequence number is the first of its block; one that has none counts only
+    /// where all do.
     pub fn is_due(&mut self, sequence: Option<u64>) -> bool {
         if self.count == 1 {
             return true;

@@ -5,8 +5,8 @@ const STEPS: u64 = 32;
 const STEP_BITS: u32 = STEPS.ilog2();
 const BUCKETS: usize = (64 - STEP_BITS as usize + 1) * STEPS as usize;
 
-/// Counts of u64 values in buckets that grow with the value (as HdrHistogram's do): fixed memory (15 KiB), any
-/// thread may record, nothing is allocated. Values below 32 are exact.
+/// Counts of u64 values in buckets that grow with the value (as HdrHistogram's do): fixed memory (15 KiB),
+/// any thread may record, nothing is allocated. Values below 32 are exact.
 #[derive(Debug)]
 pub struct Histogram {
     buckets: Box<[AtomicU64]>,
@@ -30,8 +30,8 @@ impl Histogram {
         self.maximum.load(Ordering::Relaxed)
     }
 
-    /// The value that a `fraction` in [0, 1] of all values does not exceed (the smallest such value, the centre of
-    /// its bucket); 0 when nothing was recorded.
+    /// The value that a `fraction` in [0, 1] of all values does not exceed (the smallest such value, the
+    /// centre of its bucket); 0 when nothing was recorded.
     pub fn percentile(&self, fraction: f64) -> u64 {
         let total: u64 = self.buckets.iter().map(|count| count.load(Ordering::Relaxed)).sum();
         let rank = ((total as f64 * fraction).ceil() as u64).max(1);
@@ -52,7 +52,8 @@ impl Default for Histogram {
     }
 }
 
-/// Bucket of a value: the value itself below `STEPS`, then exponent and the `STEP_BITS` bits after the leading one.
+/// Bucket of a value: the value itself below `STEPS`, then exponent and the `STEP_BITS` bits after the
+/// leading one.
 fn bucket(value: u64) -> usize {
     if value < STEPS {
         return value as usize;

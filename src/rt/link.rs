@@ -2,10 +2,10 @@
 //! [`latest`] overwrites and counts (live), [`bounded`] makes the writer wait and loses nothing (replay), and
 //! [`lossy`] passes over what finds no room and counts it (recordings and files beside a live service).
 //!
-//! All buffers are made with the link: one in the writer's hand, one in the reader's, and those in between. The
-//! writer takes an empty one with [`Sender::take`], fills it and [`send`](Sender::send)s it, or has an item copied
-//! into one with [`Sender::send_copy`]; it goes back when the reader drops its [`Received`]. So nothing is allocated
-//! once every buffer has grown to its size.
+//! All buffers are made with the link: one in the writer's hand, one in the reader's, and those in between.
+//! The writer takes an empty one with [`Sender::take`], fills it and [`send`](Sender::send)s it, or has an
+//! item copied into one with [`Sender::send_copy`]; it goes back when the reader drops its [`Received`]. So
+//! nothing is allocated once every buffer has grown to its size.
 
 use super::{Counter, Shutdown};
 use crossbeam_channel as channel;
@@ -46,8 +46,8 @@ impl<T: Copied> PartOf<T> for T {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Closed;
 
-/// A link of one slot: a newer item overwrites the one that waits, which is counted, with all that it had lost
-/// itself, in the newer one's `lost_before`.
+/// A link of one slot: a newer item overwrites the one that waits, which is counted, with all that it had
+/// lost itself, in the newer one's `lost_before`.
 pub fn latest<T: Item>(shutdown: &Shutdown, make: impl FnMut() -> T) -> (Sender<T>, Receiver<T>) {
     let (mut sender, receiver) = bounded(1, shutdown, make);
     sender.when_full = Full::Overwrites { slot: receiver.full.clone() };
@@ -79,8 +79,8 @@ pub fn bounded<T: Item>(
     (sender, receiver)
 }
 
-/// A link of `capacity` (at least one) items whose writer never waits: what finds no room is missing, and counted by
-/// `dropped` and in the `lost_before` of the next item that finds some.
+/// A link of `capacity` (at least one) items whose writer never waits: what finds no room is missing, and
+/// counted by `dropped` and in the `lost_before` of the next item that finds some.
 pub fn lossy<T: Item>(
     capacity: usize,
     dropped: Counter,
@@ -124,7 +124,8 @@ pub struct Sender<T> {
 }
 
 impl<T: Item> Sender<T> {
-    /// An empty buffer (it holds what it held when it was last used). Waits only if the reader holds more than one.
+    /// An empty buffer (it holds what it held when it was last used). Waits only if the reader holds more
+    /// than one.
     ///
     /// # Errors
     /// [`Closed`].
@@ -197,8 +198,8 @@ fn overwrite<T: Item>(
 }
 
 impl<T: Item> Sender<T> {
-    /// Sends a copy of `item`, or of the part of it that the link carries; in a lossy link without a copy where there is
-    /// no room.
+    /// Sends a copy of `item`, or of the part of it that the link carries; in a lossy link without a copy
+    /// where there is no room.
     ///
     /// # Errors
     /// [`Closed`].
@@ -229,7 +230,8 @@ pub struct Receiver<T> {
 }
 
 impl<T: Item> Receiver<T> {
-    /// Waits for the next item. `None`: the writer has gone and everything was read, or the service was aborted.
+    /// Waits for the next item. `None`: the writer has gone and everything was read, or the service was
+    /// aborted.
     pub fn receive(&mut self) -> Option<Received<'_, T>> {
         let envelope = match self.full.try_recv() {
             Ok(envelope) => envelope,

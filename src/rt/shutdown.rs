@@ -71,7 +71,8 @@ struct Signal {
 
 impl Signal {
     fn new() -> Self {
-        // Not 0: a wait on a channel without places allocates every time, and links wait for this in every frame.
+        // Not 0: a wait on a channel without places allocates every time, and links wait for this in every
+        // frame.
         let (open, raised) = bounded(1);
         Self { open: Arc::new(Mutex::new(Some(open))), raised }
     }

@@ -5,8 +5,8 @@ use super::{Clock, Metrics, Shutdown};
 use crate::error::{Kind, Result};
 use std::time::Instant;
 
-/// One step of the way from source to client: turns an input into an output. The loop, [`run`], does the rest:
-/// waits, links, losses, bad frames, times.
+/// One step of the way from source to client: turns an input into an output. The loop, [`run`], does the
+/// rest: waits, links, losses, bad frames, times.
 pub trait Stage: Send {
     /// What comes in; [`Tick`] for a source.
     type Input: Item;
@@ -16,8 +16,8 @@ pub trait Stage: Send {
     /// Fills `output`, a recycled buffer with old contents, from `input`.
     ///
     /// # Errors
-    /// Kind `BadFrame`: this input is lost, it is counted and the next one says so in its `lost_before`. Any other
-    /// kind ends the service.
+    /// Kind `BadFrame`: this input is lost, it is counted and the next one says so in its `lost_before`. Any
+    /// other kind ends the service.
     fn step(&mut self, input: &Self::Input, output: &mut Self::Output) -> Result<Flow>;
 
     /// Called once, when no step will follow; `is_complete` says whether everything that came was worked off.
@@ -145,8 +145,9 @@ impl Outlet for Nowhere {
     }
 }
 
-/// Runs `stage` until its inlet or outlet closes, it ends or fails, and then finishes it. Bad frames are counted, and each is named once
-/// in the log (the first [`BAD_FRAMES_NAMED`] of a stage; more would bury everything else).
+/// Runs `stage` until its inlet or outlet closes, it ends or fails, and then finishes it. Bad frames are
+/// counted, and each is named once in the log (the first [`BAD_FRAMES_NAMED`] of a stage; more would bury
+/// everything else).
 ///
 /// # Errors
 /// Those of [`Stage::step`], but for bad frames, and of [`Stage::finish`].

@@ -12,8 +12,8 @@ const GLANCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 /// After a request to end, a reader that takes nothing for so long is given up.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// A file, or a pipe whose reader may have stopped reading: a write waits for room as long as it takes, but not when the
-/// thread is to end.
+/// A file, or a pipe whose reader may have stopped reading: a write waits for room as long as it takes, but
+/// not when the thread is to end.
 pub struct StoppableWriter {
     file: File,
     shutdown: Shutdown,

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
-/// Named threads that live and end together: the first error in time is the outcome, asks the others to end, and a
-/// panic is an error that aborts them. All are joined, also when this is dropped.
+/// Named threads that live and end together: the first error in time is the outcome, asks the others to end,
+/// and a panic is an error that aborts them. All are joined, also when this is dropped.
 pub struct Threads {
     shutdown: Shutdown,
     first_error: Arc<Mutex<Option<Error>>>,

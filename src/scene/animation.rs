@@ -15,8 +15,8 @@ pub enum Interpolation {
     CubicSpline,
 }
 
-/// What a channel changes, with one value for every key, or, for [`Interpolation::CubicSpline`], three: in-tangent
-/// (per second), value, out-tangent.
+/// What a channel changes, with one value for every key, or, for [`Interpolation::CubicSpline`], three:
+/// in-tangent (per second), value, out-tangent.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Keys {
     /// In the parent's units.
@@ -32,13 +32,13 @@ pub enum Keys {
 pub struct Channel {
     /// Index of the node, whose transform is a [`Transform::Trs`].
     pub node: usize,
-    /// Duration of the animation that the channel belongs to: the last key of all its channels. It starts again
-    /// after it. >= 0.
+    /// Duration of the animation that the channel belongs to: the last key of all its channels. It starts
+    /// again after it. >= 0.
     pub duration_s: f32,
     /// How it goes between keys.
     pub interpolation: Interpolation,
-    /// Times of the keys, strictly increasing, >= 0, at least one. Before the first and after the last one the value
-    /// stays.
+    /// Times of the keys, strictly increasing, >= 0, at least one. Before the first and after the last one
+    /// the value stays.
     pub times_s: Vec<f32>,
     /// The values.
     pub keys: Keys,

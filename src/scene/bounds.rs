@@ -38,8 +38,8 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// The smallest box around the transformed box, up to rounding (centre and half extents in f32: Arvo 1990, the
-    /// half extents by the absolute matrix). The transform is affine; the empty box stays empty.
+    /// The smallest box around the transformed box, up to rounding (centre and half extents in f32: Arvo
+    /// 1990, the half extents by the absolute matrix). The transform is affine; the empty box stays empty.
     #[must_use]
     pub fn transformed(&self, transform: &Mat4) -> Self {
         if self.is_empty() {

@@ -14,8 +14,8 @@ const GROUND_WIDTHS: f32 = 8.0;
 const POSES: usize = 32;
 
 impl Scene {
-    /// What is shown when no file is named: on a ground plane a torus knot (Lambert, warm) beside a sphere of rough
-    /// metal. 8610 triangles with exact normals; units are metres, each object about two of them high.
+    /// What is shown when no file is named: on a ground plane a torus knot (Lambert, warm) beside a sphere of
+    /// rough metal. 8610 triangles with exact normals; units are metres, each object about two of them high.
     pub fn built_in() -> Self {
         let warm = Material::lambert([0.75, 0.42, 0.25]);
         let metal = Material::new(Shading::MetalRough { metallic: 1.0, roughness: 0.35 }, [0.9, 0.88, 0.85]);
@@ -40,8 +40,9 @@ impl Scene {
         scene
     }
 
-    /// A sphere of radius 1 around the origin, Lambert, of `segments` (at least 3) steps around and half as many
-    /// from pole to pole: every direction is the normal of some triangle, for measures of what culling saves.
+    /// A sphere of radius 1 around the origin, Lambert, of `segments` (at least 3) steps around and half as
+    /// many from pole to pole: every direction is the normal of some triangle, for measures of what culling
+    /// saves.
     pub fn sphere_of_normals(segments: usize) -> Self {
         Self::of_meshes(
             vec![sphere(segments, 0)],
@@ -51,10 +52,10 @@ impl Scene {
         )
     }
 
-    /// Puts a horizontal square under all that casts shadows, for files that have no ground: Lambert, albedo 0.5,
-    /// eight times as wide as what stands on it and four times as wide as that is high, at its lowest point; where
-    /// something moves, of 32 moments of the longest animation. It casts no shadow; its node is called `ground`.
-    /// Under an empty scene it lies at height 0 and is 8 wide.
+    /// Puts a horizontal square under all that casts shadows, for files that have no ground: Lambert, albedo
+    /// 0.5, eight times as wide as what stands on it and four times as wide as that is high, at its lowest
+    /// point; where something moves, of 32 moments of the longest animation. It casts no shadow; its node is
+    /// called `ground`. Under an empty scene it lies at height 0 and is 8 wide.
     pub fn add_ground(&mut self) {
         let mut bounds = Bounds::EMPTY;
         let mut world_from_mesh = Vec::new();
@@ -93,7 +94,8 @@ impl Scene {
 fn sphere(segments: usize, material: usize) -> Mesh {
     let columns = segments.max(3);
     let rows = (columns / 2).max(2);
-    // Poles have a vertex for every column, as the seam has one for either side, for the texture coordinates' sake.
+    // Poles have a vertex for every column, as the seam has one for either side, for the texture coordinates'
+    // sake.
     let vertices = grid(rows, columns, |v, u| {
         let (theta, phi) = (v * TAU / 2.0, u * TAU);
         let normal = lightcast_core::math::direction(theta, phi).as_vec3();
@@ -104,8 +106,8 @@ fn sphere(segments: usize, material: usize) -> Mesh {
     Mesh::new(vertices, indices, material)
 }
 
-/// A tube around a curve on a torus that goes twice about the axis z and three times through the hole, of `along`
-/// steps along it and `around` steps around it.
+/// A tube around a curve on a torus that goes twice about the axis z and three times through the hole, of
+/// `along` steps along it and `around` steps around it.
 fn torus_knot(along: usize, around: usize, material: usize) -> Mesh {
     /// Radius of the tube.
     const TUBE: f64 = 0.2;

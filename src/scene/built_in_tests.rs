@@ -45,7 +45,8 @@ fn built_in_objects_are_sound_face_outwards_and_rest_on_the_ground() {
     let scene = Scene::built_in();
     assert_sound(&scene);
     assert_eq!(scene.meshes.len(), 3);
-    // A vertex's normal turns by half a step against its triangles: 3.75 degrees on the sphere, 9 on the tube.
+    // A vertex's normal turns by half a step against its triangles: 3.75 degrees on the sphere, 9 on the
+    // tube.
     let agreement: Vec<f64> = scene.meshes.iter().map(worst_agreement).collect();
     assert!(agreement[0] > 0.93 && agreement[1] > 0.99 && agreement[2] == 1.0, "{agreement:?}");
     let triangles: usize = scene.meshes.iter().map(|mesh| mesh.indices.len() / 3).sum();
@@ -130,7 +131,8 @@ fn a_ground_lies_under_what_moves_and_under_nothing() {
 #[test]
 fn real_meshes_have_the_counts_that_are_known_of_them() {
     let Some(folder) = real_folder("mesh") else { return };
-    // Vertices and triangles as SOURCES.md has them. `spot.obj` has 2930 positions and 3225 texture coordinates.
+    // Vertices and triangles as SOURCES.md has them. `spot.obj` has 2930 positions and 3225 texture
+    // coordinates.
     for (name, vertices, triangles) in [
         ("bunny.glb", 3161, 5696),
         ("spot.obj", 3225, 5856),

@@ -1,8 +1,8 @@
 use super::Bounds;
 use glam::{Mat3, Vec3};
 
-/// How far above the horizon a camera of [`Camera::framing`] stands, seen from the middle of what it shows, and how
-/// far to the right of +Z.
+/// How far above the horizon a camera of [`Camera::framing`] stands, seen from the middle of what it shows,
+/// and how far to the right of +Z.
 const ELEVATION_RAD: f32 = 20.0 * std::f32::consts::PI / 180.0;
 const AZIMUTH_RAD: f32 = 30.0 * std::f32::consts::PI / 180.0;
 
@@ -28,11 +28,12 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera that shows all of `bounds` in a picture of `aspect` (width over height), from 20 degrees above, 30
-    /// degrees to the right of +Z, with a vertical field of view of 40 degrees.
+    /// A camera that shows all of `bounds` in a picture of `aspect` (width over height), from 20 degrees
+    /// above, 30 degrees to the right of +Z, with a vertical field of view of 40 degrees.
     ///
-    /// The box fills nine tenths of the picture's width or height at most, and one of them just so. A point and the
-    /// empty box are shown as if they were a unit cube. An `aspect` that is not finite and > 0 counts as 1.
+    /// The box fills nine tenths of the picture's width or height at most, and one of them just so. A point
+    /// and the empty box are shown as if they were a unit cube. An `aspect` that is not finite and > 0 counts
+    /// as 1.
     pub fn framing(bounds: &Bounds, aspect: f32) -> Self {
         let aspect = if aspect.is_finite() && aspect > 0.0 { aspect } else { 1.0 };
         let centre = bounds.centre();
@@ -67,8 +68,9 @@ impl Camera {
 
     /// The rotation from the axes of the world to those of the camera: +X right, +Y up, looking along -Z.
     ///
-    /// Where the camera's fields are not as they should be (eye and target in one place, `up` along the axis), it
-    /// looks along -Z, or turns about the axis so that some other axis of the world is up; it is always a rotation.
+    /// Where the camera's fields are not as they should be (eye and target in one place, `up` along the
+    /// axis), it looks along -Z, or turns about the axis so that some other axis of the world is up; it is
+    /// always a rotation.
     pub fn view_from_world(&self) -> Mat3 {
         let forward = (self.target - self.eye).try_normalize().unwrap_or(Vec3::NEG_Z);
         // What is left of parallel vectors is rounding, and as good as none.

@@ -4,15 +4,16 @@ pub const GREY: f32 = 0.6;
 /// How a surface reflects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shading {
-    /// Metal and roughness as glTF 2.0 defines them (appendix B: GGX, Smith, Schlick; F0 = 0.04 or the base colour).
+    /// Metal and roughness as glTF 2.0 defines them (appendix B: GGX, Smith, Schlick; F0 = 0.04 or the base
+    /// colour).
     MetalRough {
         /// 0 for dielectrics, 1 for metals; times the blue channel of the texture.
         metallic: f32,
         /// Perceptual roughness in [0, 1], alpha = roughness^2; times the green channel of the texture.
         roughness: f32,
     },
-    /// A Lambertian term with the base colour as albedo, and Phong's lobe around the mirror direction (Havran et
-    /// al. 2005, section 5). Zero `specular` is Lambert's law alone.
+    /// A Lambertian term with the base colour as albedo, and Phong's lobe around the mirror direction (Havran
+    /// et al. 2005, section 5). Zero `specular` is Lambert's law alone.
     Phong {
         /// Colour of the lobe (MTL `Ks`), linear, >= 0.
         specular: [f32; 3],
@@ -25,8 +26,9 @@ pub enum Shading {
 /// [`Scene::textures`](super::Scene::textures), looked up at the vertex's `uv`.
 ///
 /// Occlusion textures of glTF files are left out on purpose: they hold the shadow of ambient light, which the
-/// lights with their shadow maps give already, so it would be counted twice. Every triangle is seen from both sides, and
-/// casts shadows from both, whatever `doubleSided` says: many files leave it out, or wind triangles either way.
+/// lights with their shadow maps give already, so it would be counted twice. Every triangle is seen from both
+/// sides, and casts shadows from both, whatever `doubleSided` says: many files leave it out, or wind
+/// triangles either way.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// How the surface reflects.
@@ -42,8 +44,8 @@ pub struct Material {
     pub normal_scale: f32,
     /// Roughness in green, metal in blue (linear).
     pub metallic_roughness_texture: Option<usize>,
-    /// Radiance that the surface sends by itself, >= 0; times the texture. It lights nothing else. The renderer shows no
-    /// more than 65504.
+    /// Radiance that the surface sends by itself, >= 0; times the texture. It lights nothing else. The
+    /// renderer shows no more than 65504.
     pub emissive: [f32; 3],
     /// Emitted colour (sRGB).
     pub emissive_texture: Option<usize>,

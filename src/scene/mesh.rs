@@ -10,14 +10,16 @@ pub struct Vertex {
     pub position: [f32; 3],
     /// Outward unit vector.
     pub normal: [f32; 3],
-    /// Texture coordinates, origin at the top left of the picture, v downwards (as glTF; OBJ and PLY files are
-    /// turned over). Zero where a file has none.
+    /// Texture coordinates, origin at the top left of the picture, v downwards (as glTF; OBJ and PLY files
+    /// are turned over). Zero where a file has none.
     pub uv: [f32; 2],
-    /// Linear colour and alpha in [0, 1], a factor on the material's base colour. White where a file has none.
+    /// Linear colour and alpha in [0, 1], a factor on the material's base colour. White where a file has
+    /// none.
     pub colour: [f32; 4],
 }
 
-/// Triangles of one material in a right-handed frame; seen from the front their corners run counter-clockwise.
+/// Triangles of one material in a right-handed frame; seen from the front their corners run
+/// counter-clockwise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// The corners; triangles share them.
@@ -39,7 +41,8 @@ impl Mesh {
     }
 }
 
-/// Refuses numbers of a file that are not finite and indices of vertices that are not there. `place` names the mesh.
+/// Refuses numbers of a file that are not finite and indices of vertices that are not there. `place` names
+/// the mesh.
 pub(super) fn check(vertices: &[Vertex], indices: &[u32], place: &str) -> Result<()> {
     if !indices.len().is_multiple_of(3) {
         return Err(Error::usage(format!("{place}: {} indices are no triangles", indices.len())));
@@ -70,14 +73,15 @@ pub(super) fn check(vertices: &[Vertex], indices: &[u32], place: &str) -> Result
     Ok(())
 }
 
-/// Takes the triangles without area out of `indices`: those with two corners in one place or all in a line. Returns
-/// how many there were.
+/// Takes the triangles without area out of `indices`: those with two corners in one place or all in a line.
+/// Returns how many there were.
 pub(super) fn drop_zero_area(vertices: &[Vertex], indices: &mut Vec<u32>) -> usize {
     let before = indices.len();
     let mut kept = 0;
     for at in (0..before).step_by(3) {
         let triangle = [indices[at], indices[at + 1], indices[at + 2]];
-        // Differences of f32 are nearly always exact in f64, and so are their products: no threshold is needed.
+        // Differences of f32 are nearly always exact in f64, and so are their products: no threshold is
+        // needed.
         if double_area(corners(vertices, triangle)) != DVec3::ZERO {
             indices[kept..kept + 3].copy_from_slice(&triangle);
             kept += 3;

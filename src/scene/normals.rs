@@ -5,13 +5,14 @@ use super::mesh::{corners, double_area};
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// Gives a normal to every vertex whose normal is zero or not finite, and makes the others unit vectors. Returns how
-/// many of the vertices that triangles use it gave one.
+/// Gives a normal to every vertex whose normal is zero or not finite, and makes the others unit vectors.
+/// Returns how many of the vertices that triangles use it gave one.
 ///
-/// The given normal is smooth: the mean of the normals of the triangles that meet in exactly this position, weighted
-/// by their angles there (Thuermer and Wuethrich 1998), whether or not they share the vertex, so that seams of the
-/// texture and of the material do not show. Where they cancel out (the two sides of a sheet), it is the normal of
-/// the first of the vertex's own triangles; without a triangle it is +Y. No triangle may be without area.
+/// The given normal is smooth: the mean of the normals of the triangles that meet in exactly this position,
+/// weighted by their angles there (Thuermer and Wuethrich 1998), whether or not they share the vertex, so
+/// that seams of the texture and of the material do not show. Where they cancel out (the two sides of a
+/// sheet), it is the normal of the first of the vertex's own triangles; without a triangle it is +Y. No
+/// triangle may be without area.
 pub(super) fn fill_normals(vertices: &mut [Vertex], indices: &[u32]) -> usize {
     let mut missing = 0;
     for vertex in vertices.iter_mut() {
@@ -56,8 +57,8 @@ pub(super) fn fill_normals(vertices: &mut [Vertex], indices: &[u32]) -> usize {
     given
 }
 
-/// Corners that no triangles share, with the normals of their triangles: what glTF 2.0 (section 3.7.2.1) asks for
-/// where a file has no normals. No triangle may be without area.
+/// Corners that no triangles share, with the normals of their triangles: what glTF 2.0 (section 3.7.2.1) asks
+/// for where a file has no normals. No triangle may be without area.
 pub(super) fn flat(vertices: &[Vertex], indices: &[u32]) -> (Vec<Vertex>, Vec<u32>) {
     let mut apart = Vec::with_capacity(indices.len());
     for triangle in indices.as_chunks().0 {

@@ -14,17 +14,18 @@ impl Scene {
         self.channels.iter().map(|channel| f64::from(channel.duration_s)).fold(0.0, f64::max)
     }
 
-    /// Where every instance stands at `time_s`: one matrix from the frame of its mesh to the world for each of
-    /// [`Scene::instances`]. Allocates nothing once `world_from_mesh` has room for all nodes and instances.
+    /// Where every instance stands at `time_s`: one matrix from the frame of its mesh to the world for each
+    /// of [`Scene::instances`]. Allocates nothing once `world_from_mesh` has room for all nodes and
+    /// instances.
     ///
-    /// All animations play at the same time, each again and again over its own duration; at its end it jumps to its
-    /// start. Of two channels that change the same property of a node the later one wins. A `time_s` that is not
-    /// finite counts as 0, a negative one goes back from the end.
+    /// All animations play at the same time, each again and again over its own duration; at its end it jumps
+    /// to its start. Of two channels that change the same property of a node the later one wins. A `time_s`
+    /// that is not finite counts as 0, a negative one goes back from the end.
     ///
-    /// A matrix may mirror (negative determinant): the winding of the mesh is then turned round, and so must be what
-    /// the renderer takes for front faces. Normals go with the inverse transpose, or with the matrix of cofactors
-    /// times the sign of the determinant, which exists where a scale is zero, too. A matrix that overflows is given
-    /// as zeros, which draw nothing.
+    /// A matrix may mirror (negative determinant): the winding of the mesh is then turned round, and so must
+    /// be what the renderer takes for front faces. Normals go with the inverse transpose, or with the matrix
+    /// of cofactors times the sign of the determinant, which exists where a scale is zero, too. A matrix that
+    /// overflows is given as zeros, which draw nothing.
     pub fn pose(&self, time_s: f64, world_from_mesh: &mut Vec<Mat4>) {
         let time_s = if time_s.is_finite() { time_s } else { 0.0 };
         // First the nodes, which the instances behind them then refer to.

@@ -20,8 +20,8 @@ pub enum Wrap {
     ClampToEdge,
 }
 
-/// A picture on a surface. Row 0 is at v = 0, the top. How it is filtered is the renderer's matter; the filters of
-/// glTF files are not read.
+/// A picture on a surface. Row 0 is at v = 0, the top. How it is filtered is the renderer's matter; the
+/// filters of glTF files are not read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Texture {
     /// Columns, > 0.
@@ -30,7 +30,8 @@ pub struct Texture {
     pub height: u32,
     /// `4 * width * height` bytes, rows from the top.
     pub rgba8: Vec<u8>,
-    /// Whether red, green and blue are coded as sRGB (colours) or linear (normals, roughness). Alpha is linear.
+    /// Whether red, green and blue are coded as sRGB (colours) or linear (normals, roughness). Alpha is
+    /// linear.
     pub is_srgb: bool,
     /// Beyond the left and right edges.
     pub wrap_u: Wrap,
@@ -39,8 +40,9 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Decodes a PNG or JPEG picture, whatever its name. `pixels_left` is what the textures of a scene may still
-    /// have; the picture's pixels are taken from it. More than 8 bits are rounded, grey becomes red, green and blue.
+    /// Decodes a PNG or JPEG picture, whatever its name. `pixels_left` is what the textures of a scene may
+    /// still have; the picture's pixels are taken from it. More than 8 bits are rounded, grey becomes red,
+    /// green and blue.
     pub(super) fn decode(bytes: &[u8], is_srgb: bool, pixels_left: &mut u64) -> Result<Self> {
         let format = match bytes {
             [0x89, b'P', b'N', b'G', ..] => ImageFormat::Png,

@@ -1,7 +1,8 @@
 use super::{Bounds, Camera, Channel, Instance, Material, Mesh, Node, Roles, Texture, Transform};
 use glam::Mat4;
 
-/// Meshes where they stand, what they are made of and how they move. Plain lists that refer to each other by index.
+/// Meshes where they stand, what they are made of and how they move. Plain lists that refer to each other by
+/// index.
 ///
 /// World: right-handed, +Y up.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,11 +15,13 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// The tree of frames, parents before their children.
     pub nodes: Vec<Node>,
-    /// Names of the nodes, in their order; empty where a node has none, and shorter where no more nodes have one.
+    /// Names of the nodes, in their order; empty where a node has none, and shorter where no more nodes have
+    /// one.
     pub node_names: Vec<String>,
     /// Where the meshes stand.
     pub instances: Vec<Instance>,
-    /// How nodes move, in the order of their nodes. All animations of a file play together, each over and over.
+    /// How nodes move, in the order of their nodes. All animations of a file play together, each over and
+    /// over.
     pub channels: Vec<Channel>,
     /// The file's first perspective camera, where it stands at time 0.
     pub camera: Option<Camera>,

@@ -32,8 +32,8 @@ pub(super) fn response(config: &Config) -> Result<Response> {
 /// The way from frames of this format to polar maps, and what their samples mean.
 ///
 /// # Errors
-/// Kind `Usage` for a calibration that cannot be used or is not one of these frames: better told once at the start
-/// than by every frame.
+/// Kind `Usage` for a calibration that cannot be used or is not one of these frames: better told once at the
+/// start than by every frame.
 pub(super) fn frame_to_polar(
     config: &Config,
     format: &FrameFormat,

@@ -9,13 +9,16 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Who gets what a service captures and makes. Each has a link of its own, and none is made unless it is asked for.
+/// Who gets what a service captures and makes. Each has a link of its own, and none is made unless it is
+/// asked for.
 ///
-/// Where the source is live or clients are served, none of them holds up the service: files miss what they were too
-/// slow for, which is counted, and all others get the newest. A replay without clients waits for all but the window.
+/// Where the source is live or clients are served, none of them holds up the service: files miss what they
+/// were too slow for, which is counted, and all others get the newest. A replay without clients waits for all
+/// but the window.
 #[derive(Default)]
 pub struct Ends {
-    /// The frames as they are captured. Its failure, by a full disk say, ends it alone, and is told in the end.
+    /// The frames as they are captured. Its failure, by a full disk say, ends it alone, and is told in the
+    /// end.
     pub recording: Option<RecordOptions>,
     /// All maps that lights are made of, for a view of them; the link is the caller's.
     pub maps: Option<link::Sender<PolarMap>>,

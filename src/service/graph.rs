@@ -9,7 +9,8 @@ use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Stages and the links between them, put together in the order of the data. Nothing runs before [`Self::start`].
+/// Stages and the links between them, put together in the order of the data. Nothing runs before
+/// [`Self::start`].
 pub(super) struct Graph {
     clock: Clock,
     shutdown: Shutdown,
@@ -40,7 +41,8 @@ impl<T: Copied> Output<T> {
         receiver
     }
 
-    /// The way to an end, for copies of the first item in every block of `every` sequence numbers, or of a part of it.
+    /// The way to an end, for copies of the first item in every block of `every` sequence numbers, or of a
+    /// part of it.
     pub fn copies<P: PartOf<T> + 'static, R>(&self, (sender, receiver): (Sender<P>, R), every: u64) -> R {
         self.change(|outlet| outlet.add(sender, every));
         receiver
@@ -62,8 +64,8 @@ impl Graph {
         }
     }
 
-    /// Adds a stage, on a thread that is called what `metrics` are called. `buffer` is what it fills where no next
-    /// stage brings buffers of its own.
+    /// Adds a stage, on a thread that is called what `metrics` are called. `buffer` is what it fills where no
+    /// next stage brings buffers of its own.
     pub fn stage<I, S>(
         &mut self,
         metrics: Arc<Metrics>,
@@ -84,8 +86,8 @@ impl Graph {
             let outlet = outlet.take().expect("a graph starts once");
             threads.spawn(metrics.name(), move || {
                 let outcome = stage::run(stage, inlet, outlet, &clock, &shutdown, &metrics);
-                // Whoever ends first ends all. Without this a source that waits for a frame's time would find out only
-                // when it has come that nobody reads any more.
+                // Whoever ends first ends all. Without this a source that waits for a frame's time would find
+                // out only when it has come that nobody reads any more.
                 shutdown.request();
                 outcome
             })

@@ -36,12 +36,12 @@ use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Items that a `bounded` link holds: one to take while the next is made evens out the jitter of two stages, and
-/// another that of the disk. More would only cost memory, the slowest stage sets the pace.
+/// Items that a `bounded` link holds: one to take while the next is made evens out the jitter of two stages,
+/// and another that of the disk. More would only cost memory, the slowest stage sets the pace.
 const LINK_CAPACITY: usize = 2;
 
-/// Lists that wait for a file that is slower than the service: five seconds at 25 lists a second even out what disks
-/// and readers of a pipe do. Their memory is taken when they are needed first.
+/// Lists that wait for a file that is slower than the service: five seconds at 25 lists a second even out
+/// what disks and readers of a pipe do. Their memory is taken when they are needed first.
 const LIST_QUEUE: usize = 128;
 
 /// A running service.
@@ -51,13 +51,13 @@ pub struct Service {
 }
 
 impl Service {
-    /// Opens everything that `config` and `ends` name, then starts the threads. They end when the sequence does, on the
-    /// first error, when `shutdown` is requested, and when nobody wants what they make: where clients are served, that
-    /// never is.
+    /// Opens everything that `config` and `ends` name, then starts the threads. They end when the sequence
+    /// does, on the first error, when `shutdown` is requested, and when nobody wants what they make: where
+    /// clients are served, that never is.
     ///
     /// # Errors
-    /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can be
-    /// read; those of opening the output; those of the system for threads and folders.
+    /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can
+    /// be read; those of opening the output; those of the system for threads and folders.
     pub fn start(config: &Config, ends: Ends, shutdown: &Shutdown) -> Result<Self> {
         Self::start_with(config, OpenedSource::open(config)?, ends, shutdown)
     }
@@ -81,8 +81,8 @@ impl Service {
         Ok(Self { running, frame_count })
     }
 
-    /// Whether a service with this configuration would start, as far as that can be told while another one has the
-    /// camera: what only the camera knows shows when it is opened.
+    /// Whether a service with this configuration would start, as far as that can be told while another one
+    /// has the camera: what only the camera knows shows when it is opened.
     ///
     /// # Errors
     /// Those of [`Self::start`].
@@ -114,8 +114,8 @@ impl Service {
         Ok(Self { running: graph.start()?, frame_count })
     }
 
-    /// Gives the first `count` frames of what `config` names to `each`, in the calling thread; fewer where a sequence
-    /// ends. Their meaning is not looked at. Requests `shutdown` when it is done.
+    /// Gives the first `count` frames of what `config` names to `each`, in the calling thread; fewer where a
+    /// sequence ends. Their meaning is not looked at. Requests `shutdown` when it is done.
     ///
     /// # Errors
     /// Those of the source and of `each`; kind `Failed` when `shutdown` was requested before.
@@ -195,8 +195,8 @@ fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: 
         graph.end(Metrics::new("board-map"), PostMaps(board.clone()), link, Departure::IsTold);
     }
     let picture = pictures.map(|Pictures { folder, every }| {
-        // A map waits for its list until the filter lets it out; with less room the maps' stage would wait, and with it
-        // the list that the map waits for.
+        // A map waits for its list until the filter lets it out; with less room the maps' stage would wait,
+        // and with it the list that the map waits for.
         let waiting = u64::from(opened.delay_frames) / every.max(1) + 1;
         let metrics = Metrics::new("picture");
         let link = files.link(LINK_CAPACITY + waiting as usize, &metrics, black);
@@ -316,7 +316,8 @@ impl FileLinks<'_> {
     }
 }
 
-/// A link of the chain: a live service never waits for its reader, who gets the newest; a replay loses nothing.
+/// A link of the chain: a live service never waits for its reader, who gets the newest; a replay loses
+/// nothing.
 fn connect<T: Item>(
     links: Links,
     shutdown: &Shutdown,

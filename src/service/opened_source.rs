@@ -43,7 +43,8 @@ impl OpenedSource {
     /// Opens what a configuration names.
     ///
     /// # Errors
-    /// Those of the source: no file or no camera of this name, or nothing that can be used as it is configured.
+    /// Those of the source: no file or no camera of this name, or nothing that can be used as it is
+    /// configured.
     pub fn open(config: &Config) -> Result<Self> {
         match &config.source {
             config::SourceOptions::Sequence(options) => {

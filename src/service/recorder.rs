@@ -23,7 +23,8 @@ pub struct RecordOptions {
     pub frames_max: u64,
 }
 
-/// Frames that wait for the disk unless told otherwise: half a second at 60 frames per second evens out what disks do.
+/// Frames that wait for the disk unless told otherwise: half a second at 60 frames per second evens out what
+/// disks do.
 pub const RECORD_QUEUE: usize = 30;
 
 impl Default for RecordOptions {

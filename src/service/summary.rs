@@ -27,8 +27,8 @@ impl Summary {
         &self.stages
     }
 
-    /// Something that grows as long as the service is well: the lists that it has made, and the attempts to start a
-    /// camera that is away.
+    /// Something that grows as long as the service is well: the lists that it has made, and the attempts to
+    /// start a camera that is away.
     pub fn progress(&self) -> u64 {
         let counters = self.stage("source").map(Metrics::counters).unwrap_or_default();
         let attempts = counters.iter().find(|(name, _)| *name == ATTEMPTS).map_or(0, |counter| counter.1);

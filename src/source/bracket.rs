@@ -1,5 +1,5 @@
-//! High dynamic range from an ordinary camera: its exposure goes round a list of values, and every round becomes one
-//! frame of radiance, at the camera's rate divided by the number of values.
+//! High dynamic range from an ordinary camera: its exposure goes round a list of values, and every round
+//! becomes one frame of radiance, at the camera's rate divided by the number of values.
 
 use super::live::{BadBuffer, Captured, LiveCamera, Mark};
 use crate::error::{Error, Place, Result};
@@ -28,7 +28,8 @@ pub struct BracketOptions {
     pub control: String,
     /// Its values, at least two, all different.
     pub values: Vec<i64>,
-    /// Exposure in seconds of one unit of the control. V4L2's `exposure_time_absolute` counts in 100 microseconds.
+    /// Exposure in seconds of one unit of the control. V4L2's `exposure_time_absolute` counts in 100
+    /// microseconds.
     #[serde(default = "hundred_microseconds")]
     pub unit_s: f64,
     /// From which frame after the one at whose arrival it is set a value holds: 1 is the next frame.
@@ -70,12 +71,12 @@ pub struct Bracket<C> {
 }
 
 impl<C: ExposureControl> Bracket<C> {
-    /// Rounds of `camera`'s frames, `frame_rate_hz` of them a second (0: unknown), whose codes mean what `response` says
-    /// at an exposure of one second.
+    /// Rounds of `camera`'s frames, `frame_rate_hz` of them a second (0: unknown), whose codes mean what
+    /// `response` says at an exposure of one second.
     ///
     /// # Errors
-    /// `Usage`: fewer than two values, equal ones, a unit that is not positive, a latency of 0 or more than 16 frames,
-    /// a response that says nothing of codes.
+    /// `Usage`: fewer than two values, equal ones, a unit that is not positive, a latency of 0 or more than
+    /// 16 frames, a response that says nothing of codes.
     pub fn new(
         camera: C,
         frame_rate_hz: f64,
@@ -105,7 +106,8 @@ impl<C: ExposureControl> Bracket<C> {
         })
     }
 
-    /// Numbers a frame by the driver's count, or one by one where the driver does not count, and sets the next exposure.
+    /// Numbers a frame by the driver's count, or one by one where the driver does not count, and sets the
+    /// next exposure.
     fn arrive(&mut self, mark: Mark) -> Result<Step> {
         let number = match self.last {
             None => mark.sequence,
@@ -167,8 +169,8 @@ impl<C: ExposureControl> LiveCamera for Bracket<C> {
     }
 }
 
-/// Which exposure every frame has. Frame s of a stream is to have exposure s modulo their count; what it has, the values
-/// that were set and their latency tell, also when frames are missing.
+/// Which exposure every frame has. Frame s of a stream is to have exposure s modulo their count; what it has,
+/// the values that were set and their latency tell, also when frames are missing.
 #[derive(Debug)]
 struct Plan {
     count: u32,

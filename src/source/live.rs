@@ -73,11 +73,11 @@ pub struct Mark {
     pub age_ns: i64,
 }
 
-/// Turns the driver's counts, which begin anew with every start and have 32 bits, into sequence numbers that never
-/// run back, with what was lost between two frames.
+/// Turns the driver's counts, which begin anew with every start and have 32 bits, into sequence numbers that
+/// never run back, with what was lost between two frames.
 ///
-/// Within one start the difference of the counts tells it. Over a restart the time tells how many frames the camera
-/// would have taken at its rate.
+/// Within one start the difference of the counts tells it. Over a restart the time tells how many frames the
+/// camera would have taken at its rate.
 #[derive(Clone, Debug)]
 pub struct Numbering {
     frame_rate_hz: f64,
@@ -85,8 +85,8 @@ pub struct Numbering {
     last: Option<(Mark, u64)>,
     /// The last count seen since the start, of a frame used or not.
     count: Option<u32>,
-    /// Since the last used frame: whether the stream was started again, frames that came and were not used, frames
-    /// that the kernel counted and never gave.
+    /// Since the last used frame: whether the stream was started again, frames that came and were not used,
+    /// frames that the kernel counted and never gave.
     was_away: bool,
     unused: u64,
     dropped: u64,
@@ -128,7 +128,8 @@ impl Numbering {
         }
     }
 
-    /// Numbers a frame; `None` when it is older than one that came before it, whose `lost_before` has it already.
+    /// Numbers a frame; `None` when it is older than one that came before it, whose `lost_before` has it
+    /// already.
     ///
     /// Drivers that do not count give the same number with every frame: these then count as neighbours.
     pub fn number(&mut self, mark: Mark) -> Option<Numbered> {
@@ -172,8 +173,8 @@ impl Numbering {
         true
     }
 
-    /// Most frames that the camera can have taken since the last one that was used; `None` where rate or times do not
-    /// tell. A count that leaps says nothing.
+    /// Most frames that the camera can have taken since the last one that was used; `None` where rate or
+    /// times do not tell. A count that leaps says nothing.
     fn frames_since_last(&self, mark: Mark) -> Option<u64> {
         let elapsed_ns = mark.time_ns.saturating_sub(self.last?.0.time_ns);
         let is_known = self.frame_rate_hz > 0.0 && elapsed_ns > 0;

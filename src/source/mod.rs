@@ -1,8 +1,8 @@
-//! Where frames come from: recorded sequences of files ([`Sequence`]), calculated ones ([`synthetic`]) and live cameras
-//! ([`LiveCamera`], `v4l2`).
+//! Where frames come from: recorded sequences of files ([`Sequence`]), calculated ones ([`synthetic`]) and
+//! live cameras ([`LiveCamera`], `v4l2`).
 //!
-//! A [`FrameSource`] delivers as fast as it is asked; a stage with a clock asks at the right time. A camera has its own
-//! pace; a stage waits for it, and starts it again when it was lost.
+//! A [`FrameSource`] delivers as fast as it is asked; a stage with a clock asks at the right time. A camera
+//! has its own pace; a stage waits for it, and starts it again when it was lost.
 
 mod bracket;
 mod live;
@@ -34,8 +34,8 @@ pub trait FrameSource: Send {
     ///
     /// # Errors
     ///
-    /// Of kind [`BadFrame`](crate::error::Kind::BadFrame): this frame is lost and the content of `frame` means
-    /// nothing; the next call goes on behind it and counts it in `lost_before`. Of any other kind: there is no
-    /// use in calling again.
+    /// Of kind [`BadFrame`](crate::error::Kind::BadFrame): this frame is lost and the content of `frame`
+    /// means nothing; the next call goes on behind it and counts it in `lost_before`. Of any other kind:
+    /// there is no use in calling again.
     fn next(&mut self, frame: &mut Frame) -> Result<Next>;
 }

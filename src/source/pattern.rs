@@ -7,8 +7,8 @@
 //! | `name.####.exr` | the number with at least as many digits as there are `#` |
 //! | `name.%04d.exr`, `name.%d.exr` | the number as C prints it |
 //!
-//! In a folder the number is the digits directly before the extension, so that `map_1k.hdr` has none. Hidden files
-//! are left out.
+//! In a folder the number is the digits directly before the extension, so that `map_1k.hdr` has none. Hidden
+//! files are left out.
 
 use crate::error::{Error, Result};
 use std::fs;
@@ -24,8 +24,8 @@ const LISTED_NAMES: usize = 8;
 ///
 /// # Errors
 ///
-/// Of kind [`Usage`](crate::error::Kind::Usage), naming the path: nothing is there, names do not belong together,
-/// two files have one number.
+/// Of kind [`Usage`](crate::error::Kind::Usage), naming the path: nothing is there, names do not belong
+/// together, two files have one number.
 pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
     let fault = |message: String| Error::usage(message).at(path);
     if path.is_file() {

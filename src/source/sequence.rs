@@ -1,8 +1,8 @@
 //! Frames from numbered files.
 //!
-//! The number of a file is the time at which it was taken: file n of a sequence that begins with file n0 has the
-//! capture time (n - n0) / rate, whether or not the files between are there. Numbers that are missing, and files
-//! that cannot be used, are counted in `lost_before` of the next frame that can.
+//! The number of a file is the time at which it was taken: file n of a sequence that begins with file n0 has
+//! the capture time (n - n0) / rate, whether or not the files between are there. Numbers that are missing,
+//! and files that cannot be used, are counted in `lost_before` of the next frame that can.
 //!
 //! Files of `lightcast record` say themselves when they were taken.
 //!
@@ -24,8 +24,8 @@ use std::path::{Path, PathBuf};
 pub struct SequenceOptions {
     /// A pattern (`name.####.exr`, `name.%04d.exr`), a folder with one sequence, or one file.
     pub path: PathBuf,
-    /// Frames per second; goes before what the files say. Needed where they say nothing, except for one picture
-    /// that is not repeated.
+    /// Frames per second; goes before what the files say. Needed where they say nothing, except for one
+    /// picture that is not repeated.
     pub frame_rate_hz: Option<f64>,
     /// Smallest file number to play.
     pub first: Option<u64>,
@@ -33,7 +33,8 @@ pub struct SequenceOptions {
     pub last: Option<u64>,
     /// Play it again and again.
     pub repeat: bool,
-    /// Colours of the pixels of a mosaic sensor, whose codes were saved as grey pictures; `None`: as the files say.
+    /// Colours of the pixels of a mosaic sensor, whose codes were saved as grey pictures; `None`: as the
+    /// files say.
     pub bayer: Option<Bayer>,
 }
 
@@ -105,9 +106,9 @@ impl Sequence {
     ///
     /// # Errors
     ///
-    /// Of kind [`Usage`](crate::error::Kind::Usage): no file matches, or none lies between `first` and `last`; the
-    /// names are not one sequence; no frame rate is known, or it is not a positive number. Of kind
-    /// [`Failed`](crate::error::Kind::Failed): none of the files can be used.
+    /// Of kind [`Usage`](crate::error::Kind::Usage): no file matches, or none lies between `first` and
+    /// `last`; the names are not one sequence; no frame rate is known, or it is not a positive number. Of
+    /// kind [`Failed`](crate::error::Kind::Failed): none of the files can be used.
     pub fn open(options: &SequenceOptions) -> Result<Self> {
         let path = &options.path;
         let fault = |message: String| Error::usage(message).at(path);

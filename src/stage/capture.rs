@@ -19,8 +19,8 @@ pub struct Patience {
 }
 
 impl Patience {
-    /// For a camera of this rate (0: unknown): five frames' time without a frame, at least two seconds, which a USB
-    /// camera may need to begin.
+    /// For a camera of this rate (0: unknown): five frames' time without a frame, at least two seconds, which
+    /// a USB camera may need to begin.
     pub fn for_rate(frame_rate_hz: f64) -> Self {
         // Rates are above 1e-9 Hz; the time then has 158 years at most.
         let frames_s = if frame_rate_hz > 1e-9 { 5.0 / frame_rate_hz } else { 0.0 };
@@ -33,8 +33,9 @@ impl Patience {
     }
 }
 
-/// Takes frames from a camera as they come. A camera that is lost (unplugged, silent, refusing) is started again, as
-/// often as it takes, with growing waits that a shutdown interrupts; the next frame's stamp tells the gap.
+/// Takes frames from a camera as they come. A camera that is lost (unplugged, silent, refusing) is started
+/// again, as often as it takes, with growing waits that a shutdown interrupts; the next frame's stamp tells
+/// the gap.
 ///
 /// ```text
 ///            start                  start succeeds
@@ -88,7 +89,8 @@ pub const ATTEMPTS: &str = "attempts to start the camera";
 const GLANCE: Duration = Duration::from_millis(50);
 
 impl<C: LiveCamera> Capture<C> {
-    /// Frames of `camera`, which takes `frame_rate_hz` (0: unknown); its losses go to named counters of `metrics`.
+    /// Frames of `camera`, which takes `frame_rate_hz` (0: unknown); its losses go to named counters of
+    /// `metrics`.
     pub fn new(
         camera: C,
         frame_rate_hz: f64,

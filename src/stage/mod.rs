@@ -1,4 +1,5 @@
-//! One thin file per stage: each runs one algorithm of the floors below under [`rt::stage::run`](crate::rt::stage).
+//! One thin file per stage: each runs one algorithm of the floors below under
+//! [`rt::stage::run`](crate::rt::stage).
 
 mod calibrate;
 mod capture;
@@ -83,8 +84,8 @@ impl Copied for LightList {
         self.copy_from(other);
     }
 
-    /// That of the frame whose lights it describes, which the filter delays; `None`, or a number before that of the first
-    /// frame, while the filter fills up.
+    /// That of the frame whose lights it describes, which the filter delays; `None`, or a number before that
+    /// of the first frame, while the filter fills up.
     fn sequence(&self) -> Option<u64> {
         self.stamp.sequence.checked_sub(u64::from(self.filter_delay_frames))
     }

@@ -15,8 +15,8 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Pictures of `maps`, the lists of which come later as inputs, go to `folder`, which must exist. A map must be in its
-    /// link before its list is, as when `maps` are copies of what the lists are made of.
+    /// Pictures of `maps`, the lists of which come later as inputs, go to `folder`, which must exist. A map
+    /// must be in its link before its list is, as when `maps` are copies of what the lists are made of.
     pub fn new(maps: Receiver<PolarMap>, folder: PathBuf) -> Self {
         Self { maps, map: None, folder }
     }

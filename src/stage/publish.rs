@@ -4,8 +4,8 @@ use crate::wire::write_list_line;
 use lightcast_core::light::LightList;
 use std::io::{ErrorKind, Write};
 
-/// Writes every list as one line of JSON and flushes, so that a reader has each list whole and at once. A reader
-/// that has gone (broken pipe) ends the stage without an error.
+/// Writes every list as one line of JSON and flushes, so that a reader has each list whole and at once. A
+/// reader that has gone (broken pipe) ends the stage without an error.
 pub struct Publish<W> {
     writer: W,
     /// Where the lines go, for messages.

@@ -38,10 +38,11 @@ struct Sidecar {
     /// Of the first and the last frame.
     sequence_numbers: Option<(u64, u64)>,
     frames_written: u64,
-    /// Frames between the first and the last that are not in the recording: lost by the camera, or by a slow disk.
+    /// Frames between the first and the last that are not in the recording: lost by the camera, or by a slow
+    /// disk.
     frames_missing: u64,
-    /// Whether the recording was ended in order; false while it runs, and for good when its program was killed. A disk
-    /// without any room for this file leaves the counts of its first frame.
+    /// Whether the recording was ended in order; false while it runs, and for good when its program was
+    /// killed. A disk without any room for this file leaves the counts of its first frame.
     is_complete: bool,
 }
 
@@ -63,8 +64,8 @@ impl Sidecar {
     }
 }
 
-/// Writes every frame into a file of its own, `frame.NNNNNN.exr` with the frame's sequence number, and what is known
-/// of all of them into `recording.json`. Everything before a failure, such as a full disk, is whole.
+/// Writes every frame into a file of its own, `frame.NNNNNN.exr` with the frame's sequence number, and what
+/// is known of all of them into `recording.json`. Everything before a failure, such as a full disk, is whole.
 pub struct Record {
     folder: PathBuf,
     sidecar: Sidecar,
@@ -84,9 +85,9 @@ const HALF_MAX: f32 = 65_504.0;
 const HALF_MIN: f32 = 2.980_232_2e-8;
 
 impl Record {
-    /// Up to `frames_max` frames into `folder`, which is made. `table` gives the radiance by code (none is needed for
-    /// frames of radiance): then radiance is written as half floats; values beyond these are written as the largest,
-    /// 65504, and counted, as are those too small for them, which become 0.
+    /// Up to `frames_max` frames into `folder`, which is made. `table` gives the radiance by code (none is
+    /// needed for frames of radiance): then radiance is written as half floats; values beyond these are
+    /// written as the largest, 65504, and counted, as are those too small for them, which become 0.
     ///
     /// # Errors
     /// `Usage`: the folder is not empty. `Failed`: it cannot be made.
@@ -170,8 +171,8 @@ impl Stage for Record {
     }
 }
 
-/// Radiance of a frame, by `table` where it has codes, cut at the largest half float; returns how many pixels have no half
-/// float of their size. What is no number stays so.
+/// Radiance of a frame, by `table` where it has codes, cut at the largest half float; returns how many pixels
+/// have no half float of their size. What is no number stays so.
 pub fn radiance_within_half(frame: &Frame, table: &[f32], to: &mut Frame) -> u64 {
     let Frame { stamp, width, height, channels, bayer, .. } = *frame;
     let mut values = match std::mem::replace(&mut to.pixels, Pixels::Radiance(Vec::new())) {

@@ -40,8 +40,8 @@ pub struct PictureWriter {
 }
 
 impl Render {
-    /// Pictures of `samples` samples a pixel, of the lists that describe the first frame in every block of `every`
-    /// sequence numbers: the same lists with which maps are drawn.
+    /// Pictures of `samples` samples a pixel, of the lists that describe the first frame in every block of
+    /// `every` sequence numbers: the same lists with which maps are drawn.
     pub fn new(renderer: Renderer, camera: Camera, samples: u32, files: Files, every: u64) -> Self {
         let writer = PictureWriter::default();
         Self {
@@ -61,8 +61,8 @@ impl Stage for Render {
     type Input = LightList;
     type Output = ();
 
-    /// The scene moves with the capture time of the lists, not with the time that passes. Lists from before the first
-    /// frame, with which a filter begins, count only where every list does.
+    /// The scene moves with the capture time of the lists, not with the time that passes. Lists from before
+    /// the first frame, with which a filter begins, count only where every list does.
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
         let first = *self.first.get_or_insert(list.stamp.sequence);
         if !self.every.is_due(list.sequence().filter(|&sequence| sequence >= first)) {
@@ -83,9 +83,10 @@ impl Stage for Render {
 }
 
 impl PictureWriter {
-    /// Writes the picture drawn last: OpenEXR holds the radiance, black where nothing is seen; PNG the tone-mapped
-    /// picture, its exposure adapted over `elapsed_s` since the last one. With a transparent background both have
-    /// alpha: OpenEXR's colours are multiplied by it, those of PNG are not, as these formats say.
+    /// Writes the picture drawn last: OpenEXR holds the radiance, black where nothing is seen; PNG the
+    /// tone-mapped picture, its exposure adapted over `elapsed_s` since the last one. With a transparent
+    /// background both have alpha: OpenEXR's colours are multiplied by it, those of PNG are not, as these
+    /// formats say.
     ///
     /// # Errors
     /// Those of the device; when the file cannot be written.

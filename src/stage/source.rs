@@ -4,8 +4,8 @@ use crate::rt::{CaptureEpoch, Clock};
 use crate::source::{self, Next};
 use lightcast_core::image::Frame;
 
-/// Takes frames from a source and releases each at its capture time, counted from the first frame by the clock:
-/// under a simulated clock that is at once.
+/// Takes frames from a source and releases each at its capture time, counted from the first frame by the
+/// clock: under a simulated clock that is at once.
 pub struct Source<S> {
     source: S,
     clock: Clock,

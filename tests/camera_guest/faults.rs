@@ -1,5 +1,6 @@
-//! Every fault that the drivers can be told to have, under the running service: it is reported and counted, the filter is
-//! told the gap, and lists go on. What is true of every run is checked where it ends ([`Live::end`]).
+//! Every fault that the drivers can be told to have, under the running service: it is reported and counted,
+//! the filter is told the gap, and lists go on. What is true of every run is checked where it ends
+//! ([`Live::end`]).
 
 use crate::frames::{codes, lamp};
 use crate::kernel::{Layout, Node};
@@ -17,7 +18,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Small: faults do not depend on the picture. One of two bytes a pixel fills whole pages, as the loopback wants it.
+/// Small: faults do not depend on the picture. One of two bytes a pixel fills whole pages, as the loopback
+/// wants it.
 const SIZE: [u32; 2] = [160, 128];
 
 const RATE_HZ: f64 = 60.0;

@@ -1,5 +1,5 @@
-//! From a driver to light lists through the product's service: a recording beside it holds what was captured, and it, as
-//! well as the pictures that were written, replays to the lists of the live run.
+//! From a driver to light lists through the product's service: a recording beside it holds what was captured,
+//! and it, as well as the pictures that were written, replays to the lists of the live run.
 
 use crate::frames::{codes, lamp};
 use crate::kernel::Layout;

@@ -18,19 +18,19 @@ use std::time::{Duration, Instant};
 pub const VIVID: &str = "platform:vivid-000";
 pub const LOOPBACK: &str = "platform:v4l2loopback-000";
 
-/// Long enough for everything that comes at all, in an emulator on a busy machine, unless the kernel's command line, whose
-/// unknown words become the environment, says otherwise.
+/// Long enough for everything that comes at all, in an emulator on a busy machine, unless the kernel's
+/// command line, whose unknown words become the environment, says otherwise.
 pub fn limit() -> Duration {
     let seconds = env::var("patience_s").ok().and_then(|text| text.parse().ok());
     Duration::from_secs(seconds.unwrap_or(30))
 }
 
-/// Longest end of a service with nothing left to wait for: below the waits of two seconds and more that it has to
-/// interrupt.
+/// Longest end of a service with nothing left to wait for: below the waits of two seconds and more that it
+/// has to interrupt.
 const PROMPT: Duration = Duration::from_millis(1500);
 
-/// A configuration with these keys of `[source]`, for a fisheye lens whose circle is a quarter as wide as the shorter side (the
-/// matrix of a wider one takes the emulator long), and codes up to `mask`.
+/// A configuration with these keys of `[source]`, for a fisheye lens whose circle is a quarter as wide as the
+/// shorter side (the matrix of a wider one takes the emulator long), and codes up to `mask`.
 pub fn config(folder: &Path, source: &str, layout: Layout, mask: u16) -> Config {
     let Layout { width, height, .. } = layout;
     let focal_length_px = f64::from(width.min(height)) / (4.0 * std::f64::consts::PI);
@@ -189,8 +189,9 @@ impl Live {
         ended
     }
 
-    /// Ends the service, and checks what is true of every run: it ends within `most`, without a panic, leaves no thread;
-    /// lists have rising numbers and times; no frame was refused as bad; what was lost was counted once and told to the filter.
+    /// Ends the service, and checks what is true of every run: it ends within `most`, without a panic, leaves
+    /// no thread; lists have rising numbers and times; no frame was refused as bad; what was lost was counted
+    /// once and told to the filter.
     #[track_caller]
     pub fn finish(self, most: Duration) -> (Ended, Result<()>) {
         let Self { service, summary, shutdown, lines, threads: before } = self;
@@ -243,8 +244,8 @@ impl Ended {
         self.stamps.iter().map(|stamp| stamp.2).max().unwrap_or(0)
     }
 
-    /// Checks that the camera was started again once, and why. A guest that gets no time from its host for two seconds
-    /// may have a restart more, which says so.
+    /// Checks that the camera was started again once, and why. A guest that gets no time from its host for
+    /// two seconds may have a restart more, which says so.
     #[track_caller]
     pub fn has_one_restart(&self, why: &str) {
         let lines = messages::count(&format!("{why}; starting it again"));

@@ -32,7 +32,8 @@ pub fn listen() {
             .init();
         let report = panic::take_hook();
         panic::set_hook(Box::new(move |info| {
-            // The checks' own thread may panic: that is how a check fails. It is called after the check, or main.
+            // The checks' own thread may panic: that is how a check fails. It is called after the check, or
+            // main.
             let thread = thread::current();
             if !thread.name().is_some_and(|name| name == "main" || name.contains("::")) {
                 PANICS.fetch_add(1, Ordering::SeqCst);

@@ -1,5 +1,5 @@
-//! Circles of files: files each of which needs the others to be understood. A parent and its own child may use each
-//! other.
+//! Circles of files: files each of which needs the others to be understood. A parent and its own child may
+//! use each other.
 
 use crate::source::Module;
 use std::collections::{BTreeMap, BTreeSet};
@@ -63,8 +63,8 @@ fn reach<'a>(edges: &'a BTreeMap<Name, BTreeSet<Name>>, from: &Name) -> BTreeSet
     reached
 }
 
-/// The module that has the item which `path` means in the module `from`: re-exports are followed to where the item
-/// stands. `None` for what is of another crate.
+/// The module that has the item which `path` means in the module `from`: re-exports are followed to where the
+/// item stands. `None` for what is of another crate.
 fn resolve(
     modules: &BTreeMap<&[String], &Module>,
     from: &[String],

@@ -1,5 +1,5 @@
-//! The table of rooms in `ARCHITECTURE.md`: a room imports only from floors below its own, and siblings only where the
-//! table says so.
+//! The table of rooms in `ARCHITECTURE.md`: a room imports only from floors below its own, and siblings only
+//! where the table says so.
 
 use crate::source::Module;
 use std::collections::BTreeMap;
@@ -48,8 +48,8 @@ pub fn fault(rooms: &Rooms, from: &str, to: &str) -> Option<String> {
     })
 }
 
-/// Names directly under the crate's root that a module refers to: those after `crate::`, or after as many `super::`
-/// as lead to the root. A glob of the root, which would hide the rooms that are meant, is `*`.
+/// Names directly under the crate's root that a module refers to: those after `crate::`, or after as many
+/// `super::` as lead to the root. A glob of the root, which would hide the rooms that are meant, is `*`.
 pub fn used(module: &Module) -> Vec<String> {
     let from_root = |path: &Vec<String>| {
         let climbed = path.iter().take_while(|name| *name == "super").count();

@@ -1,5 +1,5 @@
-//! What Rust files declare and use. Sources are read as tokens, so comments and strings do not count and paths inside
-//! macro calls do. Items under `#[cfg(test)]` are left out.
+//! What Rust files declare and use. Sources are read as tokens, so comments and strings do not count and
+//! paths inside macro calls do. Items under `#[cfg(test)]` are left out.
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::fs;
@@ -106,7 +106,8 @@ fn walk(tokens: TokenStream, module: usize, modules: &mut Vec<Module>) {
                     modules[module].paths.push(path);
                 }
             }
-            // What follows a leading `::` is the name of a crate, what follows `Type::<T>` or `<T>` an item of the type.
+            // What follows a leading `::` is the name of a crate, what follows `Type::<T>` or `<T>` an item
+            // of the type.
             TokenTree::Punct(_) if is_colons(&tokens, at - 1) => {
                 at += 1;
                 while let Some(TokenTree::Ident(_)) = tokens.get(at) {

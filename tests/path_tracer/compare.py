@@ -56,7 +56,7 @@ def lightcast_command(arguments, mesh, picture):
     return [arguments.lightcast, "render", arguments.map, "--hemisphere", "--reference", *scene]
 
 
-# --- The map ---------------------------------------------------------------------------------------------------------
+# --- The map ------------------------------------------------------------------------------------------------
 
 
 def overlaps(coarse, fine):
@@ -84,7 +84,7 @@ def envmap(latlong):
     return {"type": "envmap", "bitmap": mi.Bitmap(np.repeat(rows, FINER, axis=1).astype(np.float32))}
 
 
-# --- The mesh --------------------------------------------------------------------------------------------------------
+# --- The mesh -----------------------------------------------------------------------------------------------
 
 
 def read_obj(path):
@@ -134,7 +134,7 @@ def ground(low, high):
     return {"type": "rectangle", "to_world": upright, "bsdf": lambert(GROUND_ALBEDO)}
 
 
-# --- Rendering -------------------------------------------------------------------------------------------------------
+# --- Rendering ----------------------------------------------------------------------------------------------
 
 
 def lambert(albedo):
@@ -180,7 +180,7 @@ def first_hits(shapes, arguments):
     return found[..., 3], found[..., 4:7], found[..., 7:10], np.abs(found[..., 10] - number) < 1e-3
 
 
-# --- Comparing -------------------------------------------------------------------------------------------------------
+# --- Comparing ----------------------------------------------------------------------------------------------
 
 
 def neighbourhood(values, reduce, radius=1):

@@ -39,8 +39,8 @@ def self_test():
     power = lambda image: np.einsum("i,ijc->c", zones(len(image)), image) / image.shape[1]
     assert np.allclose(power(averaged(fine)), power(fine)) and np.allclose(averaged(fine * 0 + 3), 3)
 
-    # A sphere and a plane under a map with one bright pixel: radiance = albedo / pi * E * max(0, n . l), and the
-    # camera: a point is seen where the pinhole says.
+    # A sphere and a plane under a map with one bright pixel: radiance = albedo / pi * E * max(0, n . l), and
+    # the camera: a point is seen where the pinhole says.
     arguments = argparse.Namespace(size=(64, 48), eye=[1.5, 2.0, 3.0], target=[0.3, 0.4, -0.2], fov=50.0)
     shapes = {
         "mesh": {"type": "sphere", "center": [0, 1, 0], "radius": 0.8, "bsdf": lambert(MESH_ALBEDO)},
@@ -69,8 +69,9 @@ def self_test():
         found = render(shapes, arguments, pixels, 1024, 0)
         albedo = np.where(on_mesh, MESH_ALBEDO, GROUND_ALBEDO)
         wanted = (albedo / np.pi * np.maximum(normal @ towards, 0))[..., None] * irradiance
-        # Away from the terminator, and on the ground in or out of the sphere's shadow: how far the line towards the
-        # light passes from its centre, give or take the width of the map's pixel and of the picture's.
+        # Away from the terminator, and on the ground in or out of the sphere's shadow: how far the line
+        # towards the light passes from its centre, give or take the width of the map's pixel and of the
+        # picture's.
         centre = np.array([0, 1, 0]) - position
         along = centre @ towards
         passes = np.linalg.norm(centre - along[..., None] * towards, axis=-1)

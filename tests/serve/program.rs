@@ -112,7 +112,8 @@ impl Write for Shared {
     }
 }
 
-/// The bundled sequence, as the service writes it and as a client gets it that was there before the first list.
+/// The bundled sequence, as the service writes it and as a client gets it that was there before the first
+/// list.
 fn whole_recording(is_binary: bool) -> (Vec<String>, Vec<Message>) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut config = Config::load(&root.join("config/replay.toml")).unwrap();

@@ -1,4 +1,5 @@
-//! What a service needs to run for weeks: its configuration taken anew, what systemd is told, nothing that grows.
+//! What a service needs to run for weeks: its configuration taken anew, what systemd is told, nothing that
+//! grows.
 
 use crate::connection::{connect, get, next_json, wait_until};
 use crate::program::Running;

@@ -1,5 +1,5 @@
-//! What the algorithms refuse: a [`Kind`] for the caller that decides what to do next, the option at fault as data, and a
-//! sentence for its reader.
+//! What the algorithms refuse: a [`Kind`] for the caller that decides what to do next, the option at fault as
+//! data, and a sentence for its reader.
 
 use std::fmt;
 

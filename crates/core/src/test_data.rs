@@ -31,7 +31,8 @@ pub fn say_skipped(reason: &str) {
     let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
-/// Name and map of every `*_1k.hdr`, in the order of their names, averaged to `shape`; empty where there are none.
+/// Name and map of every `*_1k.hdr`, in the order of their names, averaged to `shape`; empty where there are
+/// none.
 pub fn real_maps(shape: PolarShape) -> Vec<(String, PolarMap)> {
     let Some(folder) = real_folder("env") else { return Vec::new() };
     let mut names: Vec<String> = std::fs::read_dir(folder)
@@ -53,8 +54,8 @@ pub fn real_map(name: &str, shape: PolarShape) -> Option<PolarMap> {
     Some(average(shape, width, height, |row, column| picture.get_pixel(column as u32, row as u32).0))
 }
 
-/// Averages a lat-long picture over the pixels of a polar map. Both kinds of pixel are rectangles in (z, phi), so
-/// that the overlap in solid angle is a product.
+/// Averages a lat-long picture over the pixels of a polar map. Both kinds of pixel are rectangles in (z,
+/// phi), so that the overlap in solid angle is a product.
 fn average(
     shape: PolarShape,
     width: usize,
@@ -164,8 +165,8 @@ fn averaging_keeps_power_and_a_constant() {
     let shape = PolarShape::hemisphere(360, 90);
     let constant = average(shape, 1024, 512, |_, _| [2.0; 3]);
     assert!(constant.pixels.iter().flatten().all(|&v| v == 2.0));
-    // One bright source pixel of the upper half keeps its radiance times solid angle, and lies where it should:
-    // column 512 of 1024 starts at u = 1/2, phi = pi/2, the map's column 90.
+    // One bright source pixel of the upper half keeps its radiance times solid angle, and lies where it
+    // should: column 512 of 1024 starts at u = 1/2, phi = pi/2, the map's column 90.
     let spot = average(
         shape,
         1024,

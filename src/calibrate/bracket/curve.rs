@@ -55,7 +55,8 @@ impl Curve {
 
     /// Standard deviation of g at a code: that of the code, and 1 % of the exposure for what a model leaves.
     pub(super) fn error(&self, code: f64) -> f64 {
-        // While the curve is still wrong it may be flat or fall; a tenth of gamma 1 is as flat as cameras are.
+        // While the curve is still wrong it may be flat or fall; a tenth of gamma 1 is as flat as cameras
+        // are.
         let slope = self.slope(code).max(0.1 / (code - self.black + 0.5));
         (slope * (CODE_ERROR + RANGE_ERROR * self.range)).hypot(0.01)
     }

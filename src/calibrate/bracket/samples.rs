@@ -2,7 +2,8 @@ use super::CodeLimits;
 use crate::error::{Error, Result};
 use lightcast_core::image::{Frame, Pixels};
 
-/// What a bracket's pictures say, boiled down to blocks as they come in, so that only one picture need be in memory.
+/// What a bracket's pictures say, boiled down to blocks as they come in, so that only one picture need be in
+/// memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BracketSamples {
     /// Columns, rows and channels of the pictures.
@@ -34,8 +35,8 @@ const WANTED_BLOCKS_A_SIDE: usize = 128;
 /// Codes are sorted into so many bins, from each of which, in each picture, so many places are taken.
 const BINS: usize = 256;
 const PLACES_A_BIN: usize = 64;
-/// The lowest part of the codes tells little but the camera's noise and what it does against it: on real pictures it
-/// contradicts the rest by a factor of up to two.
+/// The lowest part of the codes tells little but the camera's noise and what it does against it: on real
+/// pictures it contradicts the rest by a factor of up to two.
 const DARKEST_SHARE: f64 = 0.03;
 
 impl BracketSamples {
@@ -167,8 +168,8 @@ impl Block {
         Self { mean: mean as f32, spread: variance.sqrt() as f32, min, max }
     }
 
-    /// Its mean code, if no pixel is clipped or nearly and it is even: across an edge, or within noise cut off at black,
-    /// the mean of the codes is not the code of the mean.
+    /// Its mean code, if no pixel is clipped or nearly and it is even: across an edge, or within noise cut
+    /// off at black, the mean of the codes is not the code of the mean.
     fn code(&self, black: u16, saturation: u16) -> Option<f64> {
         let (mean, spread) = (f64::from(self.mean), f64::from(self.spread));
         let (low, range) = (f64::from(black), f64::from(saturation - black));

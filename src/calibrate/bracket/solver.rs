@@ -18,8 +18,8 @@ const TURNS: usize = 8;
 /// Standard deviations from which residuals count by their size and not its square.
 const HUBER: f64 = 2.0;
 
-/// Least squares over all places, the curve being improved in turns; `free` is a picture whose time is unknown. `None`
-/// where the places do not determine the curve.
+/// Least squares over all places, the curve being improved in turns; `free` is a picture whose time is
+/// unknown. `None` where the places do not determine the curve.
 pub(super) fn solve(
     places: &Places,
     start: Curve,

@@ -1,8 +1,9 @@
 //! Bundle adjustment: the lens and the pose of every view that leave the smallest squares of pixel residuals.
 //!
-//! Levenberg-Marquardt with Marquardt's scaling on the normal equations, reduced to the lens by the Schur complement:
-//! a view's pose touches that view's corners only, so that the cost grows with the number of views and not with its
-//! cube (B. Triggs et al. 2000, *Bundle Adjustment - A Modern Synthesis*, section 6.1). A pose costs 6 x 6.
+//! Levenberg-Marquardt with Marquardt's scaling on the normal equations, reduced to the lens by the Schur
+//! complement: a view's pose touches that view's corners only, so that the cost grows with the number of
+//! views and not with its cube (B. Triggs et al. 2000, *Bundle Adjustment - A Modern Synthesis*, section
+//! 6.1). A pose costs 6 x 6.
 
 use super::Corner;
 use super::kannala_brandt::{COUNT, Parameters};
@@ -96,8 +97,8 @@ impl NormalEquations {
         Self { lens, lens_right, views }
     }
 
-    /// What is left for the lens when every pose follows it; without damping its inverse is the covariance of the lens
-    /// for residuals of unit variance. `None` where a view's corners do not determine its pose.
+    /// What is left for the lens when every pose follows it; without damping its inverse is the covariance of
+    /// the lens for residuals of unit variance. `None` where a view's corners do not determine its pose.
     pub(super) fn reduced_lens(&self) -> Option<LensMatrix> {
         self.reduce(0.0).map(|(lens, ..)| lens)
     }
@@ -141,8 +142,8 @@ fn damped<const N: usize>(mut matrix: SMatrix<f64, N, N>, damping: f64) -> SMatr
     matrix
 }
 
-/// Derivatives of a corner's pixel by the lens and by the pose (rotation vector in the camera frame, translation),
-/// and its residual.
+/// Derivatives of a corner's pixel by the lens and by the pose (rotation vector in the camera frame,
+/// translation), and its residual.
 pub(super) fn linearise(
     lens: &Parameters,
     pose: &Pose,
@@ -162,8 +163,8 @@ pub(super) fn linearise(
     (by_lens, by_pose, Vector2::new(corner.pixel.x, corner.pixel.y) - projected.pixel)
 }
 
-/// Adjusts `state` until no step makes the cost smaller; `views[i]` are the corners that pose i sees. The cost never
-/// grows, so a start from which nothing is gained stays as it is. Returns the cost in px^2.
+/// Adjusts `state` until no step makes the cost smaller; `views[i]` are the corners that pose i sees. The
+/// cost never grows, so a start from which nothing is gained stays as it is. Returns the cost in px^2.
 pub(super) fn adjust(views: &[&[Corner]], state: &mut State, free: Free, huber_px: f64) -> f64 {
     let mut cost = state.cost(views, huber_px);
     let mut damping = 1e-3;

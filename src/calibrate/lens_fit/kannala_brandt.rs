@@ -1,5 +1,5 @@
-//! The projection of [`Lens`](lightcast_core::camera::Lens) with its derivatives, for any lens that a search may try: nothing
-//! is checked, and rays at every angle have a pixel.
+//! The projection of [`Lens`](lightcast_core::camera::Lens) with its derivatives, for any lens that a search
+//! may try: nothing is checked, and rays at every angle have a pixel.
 
 use glam::DVec2;
 use lightcast_core::camera::RadialPolynomial;
@@ -28,8 +28,8 @@ impl Parameters {
         RadialPolynomial { k: [k1, k2, k3, k4] }
     }
 
-    /// Pixel of a point in the camera frame. Points on the axis behind the camera, where no azimuth is defined, go
-    /// to psi = 0.
+    /// Pixel of a point in the camera frame. Points on the axis behind the camera, where no azimuth is
+    /// defined, go to psi = 0.
     pub(super) fn project(&self, point: &Vector3<f64>) -> Vector2<f64> {
         let [fx, fy, cx, cy, ..] = self.0;
         let across = point.x.hypot(point.y);
@@ -38,8 +38,8 @@ impl Parameters {
         Vector2::new(cx + fx * radius * cos_psi, cy + fy * radius * sin_psi)
     }
 
-    /// Pixel of a point in the camera frame, with derivatives. With `rho = hypot(x, y)` and
-    /// `q = r(theta) / rho`, the pixel is `c + f q (x, y)`.
+    /// Pixel of a point in the camera frame, with derivatives. With `rho = hypot(x, y)` and `q = r(theta) /
+    /// rho`, the pixel is `c + f q (x, y)`.
     pub(super) fn project_with_derivatives(&self, point: &Vector3<f64>) -> Projected {
         let [fx, fy, ..] = self.0;
         let (x, y, z) = (point.x, point.y, point.z);
@@ -82,7 +82,8 @@ impl Parameters {
         Projected { pixel, by_lens, by_point }
     }
 
-    /// Unit direction of a pixel, up to the angle at which r stops increasing; pixels farther out give that angle.
+    /// Unit direction of a pixel, up to the angle at which r stops increasing; pixels farther out give that
+    /// angle.
     pub(super) fn bearing(&self, pixel: DVec2) -> Vector3<f64> {
         let [fx, fy, cx, cy, ..] = self.0;
         let (x, y) = ((pixel.x - cx) / fx, (pixel.y - cy) / fy);

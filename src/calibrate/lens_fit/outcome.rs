@@ -27,8 +27,8 @@ pub struct LensFit {
     pub notes: Vec<String>,
 }
 
-/// Standard deviations (1 sigma) of the parameters, from the inverse of the normal equations at the optimum and the
-/// residuals' own variance.
+/// Standard deviations (1 sigma) of the parameters, from the inverse of the normal equations at the optimum
+/// and the residuals' own variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensDeviations {
     /// Of fx, in px.

@@ -30,8 +30,8 @@ impl Pose {
         }
     }
 
-    /// The other pose from which a small board looks nearly the same: its normal mirrored at the line of sight to the
-    /// board's middle, which stays where it is.
+    /// The other pose from which a small board looks nearly the same: its normal mirrored at the line of
+    /// sight to the board's middle, which stays where it is.
     pub(super) fn mirrored(&self, middle_m: DVec2) -> Self {
         let middle = self.point(middle_m);
         let normal = self.rotation.column(2).into_owned();
@@ -47,10 +47,10 @@ impl Pose {
     }
 }
 
-/// Direct linear transform on rays: with `H = s [r1 r2 t]`, every ray b and board point p give `b x (H p) = 0`.
-/// As rays and not picture points are compared, boards that reach behind the camera plane are no exception; the sign
-/// of H is that with which the points lie on the rays' side. (The homography of Zhang 2000, *A Flexible New Technique
-/// for Camera Calibration*, section 3.1, with rays for image points.)
+/// Direct linear transform on rays: with `H = s [r1 r2 t]`, every ray b and board point p give `b x (H p) =
+/// 0`. As rays and not picture points are compared, boards that reach behind the camera plane are no
+/// exception; the sign of H is that with which the points lie on the rays' side. (The homography of Zhang
+/// 2000, *A Flexible New Technique for Camera Calibration*, section 3.1, with rays for image points.)
 ///
 /// `None` where the points do not determine it: fewer than four, or all on a line.
 pub(super) fn planar_pose(corners: &[Corner], bearings: &[Vector3<f64>]) -> Option<Pose> {

@@ -14,8 +14,8 @@ pub(super) const ALL: Free = [true; COUNT];
 /// Views are not dropped below this RMS, whatever the others have: it is what good detectors reach.
 const DROP_FLOOR_PX: f64 = 0.1;
 
-/// How much farther than a view's RMS, in medians, the worst corner may be off; among thousands of corners some are at
-/// the tail of their distribution.
+/// How much farther than a view's RMS, in medians, the worst corner may be off; among thousands of corners
+/// some are at the tail of their distribution.
 const CORNER_FACTOR: f64 = 5.0;
 
 /// Rounds in which Huber's limit follows the residuals.
@@ -96,8 +96,8 @@ impl Found {
         adjust(&self.corners(views), &mut self.state, free, huber_px);
     }
 
-    /// Adjusts everything with Huber's loss, whose limit follows the residuals until both agree: what is dropped must not
-    /// depend on where the search came from.
+    /// Adjusts everything with Huber's loss, whose limit follows the residuals until both agree: what is
+    /// dropped must not depend on where the search came from.
     fn fit_robustly(&mut self, views: &[BoardView]) {
         let mut huber_px = self.huber_px(views);
         for _ in 0..ROBUST_ROUNDS_MAX {
@@ -110,8 +110,8 @@ impl Found {
         }
     }
 
-    /// Where Huber's loss begins: three standard deviations of the residuals, from their median so that bad views do not
-    /// move it (the median length of a two-dimensional normal residual is 1.18 deviations).
+    /// Where Huber's loss begins: three standard deviations of the residuals, from their median so that bad
+    /// views do not move it (the median length of a two-dimensional normal residual is 1.18 deviations).
     fn huber_px(&self, views: &[BoardView]) -> f64 {
         (3.0 / 1.18 * median(&mut self.lengths(views))).max(1e-3)
     }
@@ -126,8 +126,8 @@ impl Found {
             .collect()
     }
 
-    /// Looks for every pose anew with the lens as it is now, and mirrored, and takes whichever leaves least. True if
-    /// any view has become clearly better.
+    /// Looks for every pose anew with the lens as it is now, and mirrored, and takes whichever leaves least.
+    /// True if any view has become clearly better.
     fn retry_poses(&mut self, views: &[BoardView]) -> bool {
         let mut is_changed = false;
         for (pose, &index) in self.state.poses.iter_mut().zip(&self.used) {

@@ -46,13 +46,14 @@ fn wide_start() -> LensStart {
     }
 }
 
-/// Views of a board of 9 x 7 corners whose middle stands at 0 to 88 degrees from the axis, tilted towards the camera and
-/// beside it, so that corners reach 105 degrees.
+/// Views of a board of 9 x 7 corners whose middle stands at 0 to 88 degrees from the axis, tilted towards the
+/// camera and beside it, so that corners reach 105 degrees.
 fn synthetic(lens: LensParameters, count: usize, noise_px: f64) -> Vec<BoardView> {
     synthetic_within(lens, 230.0, 88.0, count, noise_px)
 }
 
-/// The same with the board's middle up to `middle_deg` from the axis, through a lens that sees `field_of_view_deg`.
+/// The same with the board's middle up to `middle_deg` from the axis, through a lens that sees
+/// `field_of_view_deg`.
 fn synthetic_within(
     lens: LensParameters,
     field_of_view_deg: f64,
@@ -194,8 +195,8 @@ fn noise_leaves_the_deviations_that_are_reported() {
         (found.k[2] - exact.k[2]) / sigma.k[2],
         (found.k[3] - exact.k[3]) / sigma.k[3],
     ];
-    // Chi-squared of 8: 0.5 % are below 1.3 or above 22, were the parameters independent. They are not, so only the
-    // largest is held: 4 sigma in 8 numbers is one in 2000.
+    // Chi-squared of 8: 0.5 % are below 1.3 or above 22, were the parameters independent. They are not, so
+    // only the largest is held: 4 sigma in 8 numbers is one in 2000.
     assert!(errors.iter().all(|error| error.abs() < 4.0), "{errors:?}");
     assert!(errors.iter().any(|error| error.abs() > 0.1), "deviations are far too large: {errors:?}");
 }
@@ -416,8 +417,8 @@ fn opencvs_own_test_gives_the_published_lens_within_its_uncertainties() {
         // The corners were rounded to 0.001 px, nothing more separates the two: far inside the uncertainty.
         assert!((found - expected).abs() < 0.01 * uncertainty, "{found} {expected} +- {uncertainty}");
     }
-    // OpenCV gives three standard deviations, and divides the squares by the number of coordinates without taking off
-    // the unknowns.
+    // OpenCV gives three standard deviations, and divides the squares by the number of coordinates without
+    // taking off the unknowns.
     let coordinates = 2.0 * 34.0 * 48.0;
     let factor = 3.0 * f64::sqrt((coordinates - 8.0 - 6.0 * 34.0) / coordinates);
     for (sigma, (_, _, uncertainty)) in list(fit.deviations).into_iter().zip(published) {

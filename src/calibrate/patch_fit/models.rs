@@ -77,15 +77,15 @@ impl Limits {
         }
     }
 
-    /// Noise takes some pixels of a dark patch to the black code; it still tells its luminance when its mean stands
-    /// clear of it.
+    /// Noise takes some pixels of a dark patch to the black code; it still tells its luminance when its mean
+    /// stands clear of it.
     fn is_linear_foot(&self, patch: &Patch) -> bool {
         patch.codes.mean() > f64::from(self.black) + 2.0 * patch.codes.spread() + 1.0
     }
 }
 
-/// Mean and spread of the codes of patches from one end, if the first two or more of them have one code though their
-/// luminances differ.
+/// Mean and spread of the codes of patches from one end, if the first two or more of them have one code
+/// though their luminances differ.
 fn plateau<'a>(from_the_end: impl Iterator<Item = &'a Patch>) -> Option<(f64, f64)> {
     let mut patches = from_the_end;
     let first = patches.next()?;
@@ -126,7 +126,8 @@ pub(super) fn fit(
     }
 }
 
-/// `code = intercept + slope x(L)` by weighted least squares; `code_slope(slope, L)` is the change of code per ln L.
+/// `code = intercept + slope x(L)` by weighted least squares; `code_slope(slope, L)` is the change of code
+/// per ln L.
 fn line(
     points: &[Point],
     intercept: Option<f64>,

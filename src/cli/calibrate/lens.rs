@@ -14,13 +14,14 @@ use std::path::{Path, PathBuf};
 
 /// Fit a fisheye lens to pictures of a flat board.
 ///
-/// Takes a file of corners that were found elsewhere, or, with --april-grid, photographs of an AprilGrid. 10 to 30
-/// pictures, the board tilted in different ways, in some of them close to the rim, determine a lens well.
+/// Takes a file of corners that were found elsewhere, or, with --april-grid, photographs of an AprilGrid. 10
+/// to 30 pictures, the board tilted in different ways, in some of them close to the rim, determine a lens
+/// well.
 ///
-/// The report (JSON) goes to standard output: RMS residual, the lens with the standard deviations of its numbers, and
-/// every picture with its RMS residual, or why it was dropped. Bad pictures are also named on standard error. The
-/// calibration goes to --output, for `run`; --opencv and --kalibr write it in those programs' form, in which pixel
-/// centres are whole numbers (0.5 px less) and the field of view has no place.
+/// The report (JSON) goes to standard output: RMS residual, the lens with the standard deviations of its
+/// numbers, and every picture with its RMS residual, or why it was dropped. Bad pictures are also named on
+/// standard error. The calibration goes to --output, for `run`; --opencv and --kalibr write it in those
+/// programs' form, in which pixel centres are whole numbers (0.5 px less) and the field of view has no place.
 ///
 /// Example: lightcast calibrate lens corners.json --field-of-view-deg 185 --circle-diameter-px 1010
 ///            --output lens.json --plot residuals.svg | jq .rms_px
@@ -42,9 +43,10 @@ use std::path::{Path, PathBuf};
 ///   print(json.dumps({"version": 1, "image_size": grey.shape[::-1], "pixel_centres": "integer", "views": views,
 ///                     "board": {"columns": columns, "rows": rows, "pitch_m": pitch_m}}))
 ///
-/// "pixel_centres" is "integer" where the first pixel's centre is (0, 0), as in OpenCV and Kalibr, and "half" where it
-/// is (0.5, 0.5). A view that shows a part of the board lists the "ids" of its corners, which are numbered row by row
-/// from 0. Other flat boards list their corners: "board": {"points_m": [[0, 0], [0.088, 0]]}.
+/// "pixel_centres" is "integer" where the first pixel's centre is (0, 0), as in OpenCV and Kalibr, and "half"
+/// where it is (0.5, 0.5). A view that shows a part of the board lists the "ids" of its corners, which are
+/// numbered row by row from 0. Other flat boards list their corners: "board": {"points_m": [[0, 0], [0.088,
+/// 0]]}.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Arguments {
@@ -52,8 +54,8 @@ pub(super) struct Arguments {
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
 
-    /// The board in the photographs: a target file of Kalibr (target_type: 'aprilgrid', tagCols, tagRows, tagSize in
-    /// metres, tagSpacing as a share of tagSize).
+    /// The board in the photographs: a target file of Kalibr (target_type: 'aprilgrid', tagCols, tagRows,
+    /// tagSize in metres, tagSpacing as a share of tagSize).
     #[cfg(feature = "april-grid")]
     #[arg(long, value_name = "FILE")]
     april_grid: Option<PathBuf>,
@@ -63,13 +65,14 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE", requires = "april_grid")]
     save_corners: Option<PathBuf>,
 
-    /// Full opening angle of the lens, as its maker gives it: the angle that the circle holds. The fitted lens
-    /// declares it, or less where r(theta) turns before.
+    /// Full opening angle of the lens, as its maker gives it: the angle that the circle holds. The fitted
+    /// lens declares it, or less where r(theta) turns before.
     #[arg(long, value_name = "DEGREES")]
     field_of_view_deg: f64,
 
-    /// Diameter of the lens's circle in the pictures, to within a third; for a lens whose circle is larger than the
-    /// picture, the picture's diagonal with the field of view along it [default: the picture's shorter side].
+    /// Diameter of the lens's circle in the pictures, to within a third; for a lens whose circle is larger
+    /// than the picture, the picture's diagonal with the field of view along it [default: the picture's
+    /// shorter side].
     #[arg(long, value_name = "PX")]
     circle_diameter_px: Option<f64>,
 

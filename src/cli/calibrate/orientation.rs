@@ -17,9 +17,10 @@ use std::path::{Path, PathBuf};
 ///   azimuth_deg = 259.579    # from +X towards +Z: with +X to the north, a compass bearing
 ///   elevation_deg = 28.140   # above the horizon
 ///
-/// Two marks that lie well apart give the whole rotation; more make it better. One mark is enough for a camera that
-/// looks straight up: it is turned about the vertical, then tilted by what is left. The result is the key
-/// world_from_camera for the section [camera] of a configuration, with the angle that each mark is off as a comment.
+/// Two marks that lie well apart give the whole rotation; more make it better. One mark is enough for a
+/// camera that looks straight up: it is turned about the vertical, then tilted by what is left. The result is
+/// the key world_from_camera for the section [camera] of a configuration, with the angle that each mark is
+/// off as a comment.
 ///
 /// Example: lightcast calibrate orientation marks.toml --calibration camera.json
 #[derive(Debug, clap::Args)]

@@ -3,8 +3,8 @@ use crate::error::{Error, Kind, Result};
 use crate::files::read_grey;
 use std::path::PathBuf;
 
-/// Looks for the board in every photograph. One that cannot be read or shows no board is named and stays in the set
-/// without corners, so that the report has it too.
+/// Looks for the board in every photograph. One that cannot be read or shows no board is named and stays in
+/// the set without corners, so that the report has it too.
 pub(super) fn corners(grid: &AprilGrid, files: &[PathBuf]) -> Result<CornerSet> {
     let mut size = None;
     let mut views = Vec::with_capacity(files.len());

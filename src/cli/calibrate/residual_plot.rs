@@ -4,8 +4,8 @@ use crate::picture::{Panel, Plot, Series};
 /// Bins of angle from the axis to the widest corner.
 const BINS: usize = 18;
 
-/// Residuals of a fit against the angle from the axis, and of the pictures by their number. A lens that the model does
-/// not fit shows as a mean away from the axis, or as an RMS that grows with the angle.
+/// Residuals of a fit against the angle from the axis, and of the pictures by their number. A lens that the
+/// model does not fit shows as a mean away from the axis, or as an RMS that grows with the angle.
 pub(super) fn residual_plot(fit: &LensFit) -> Plot {
     let mut bins = vec![Bin::default(); BINS];
     for residual in &fit.residuals {

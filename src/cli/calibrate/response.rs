@@ -20,13 +20,14 @@ use std::path::{Path, PathBuf};
 
 /// Find how a camera turns light into codes, and merge a bracket of exposures.
 ///
-/// PICTURES are 16-bit PNG files with raw codes, or JPEG and 8-bit PNG files of an ordinary camera; a folder or a pattern
-/// such as frames/name.####.png stands for its pictures in order, and a configuration (.toml) for frames of the live camera
-/// that it names.
+/// PICTURES are 16-bit PNG files with raw codes, or JPEG and 8-bit PNG files of an ordinary camera; a folder
+/// or a pattern such as frames/name.####.png stands for its pictures in order, and a configuration (.toml)
+/// for frames of the live camera that it names.
 ///
-/// With --patches the pictures show three or more grey patches of known luminance, from black to near saturation; six
-/// are good, and two of them held out. The file (TOML) says where they are, in px from the top left corner; `picture` is
-/// only needed where there are several PICTURES, and of a sequence all frames are taken together:
+/// With --patches the pictures show three or more grey patches of known luminance, from black to near
+/// saturation; six are good, and two of them held out. The file (TOML) says where they are, in px from the
+/// top left corner; `picture` is only needed where there are several PICTURES, and of a sequence all frames
+/// are taken together:
 ///
 ///   [[patch]]
 ///   picture = "chart.png"
@@ -34,13 +35,13 @@ use std::path::{Path, PathBuf};
 ///   luminance_cd_m2 = 12.5
 ///   held_out = true                   # optional: not fitted, only predicted
 ///
-/// Without, the pictures are a bracket: one still scene at several exposure times, longest to shortest a factor of 2 to 8
-/// apart, from a camera that does not move. Times (with ISO and f-number) come from their EXIF data, or from --exposures,
-/// a TOML file in the order of the pictures: exposure_s = [13.0, 1.6, 0.2]. Where neither is known, the response of
-/// --calibration serves to find the times. The radiance is relative.
+/// Without, the pictures are a bracket: one still scene at several exposure times, longest to shortest a
+/// factor of 2 to 8 apart, from a camera that does not move. Times (with ISO and f-number) come from their
+/// EXIF data, or from --exposures, a TOML file in the order of the pictures: exposure_s = [13.0, 1.6, 0.2].
+/// Where neither is known, the response of --calibration serves to find the times. The radiance is relative.
 ///
-/// A table goes to standard output, the response to --output: as the response of the calibration given by --calibration,
-/// whose lens is kept, or alone.
+/// A table goes to standard output, the response to --output: as the response of the calibration given by
+/// --calibration, whose lens is kept, or alone.
 ///
 /// Examples:
 ///   lightcast calibrate response chart.png --patches chart.toml --calibration lens.json --output camera.json

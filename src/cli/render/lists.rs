@@ -69,8 +69,8 @@ enum Running {
 }
 
 impl Origin {
-    /// Opens an input that is no panorama. For a window, that of a server ends with `closing`, so that a refusal closes
-    /// the window; others end by themselves, and the window stays.
+    /// Opens an input that is no panorama. For a window, that of a server ends with `closing`, so that a
+    /// refusal closes the window; others end by themselves, and the window stays.
     ///
     /// # Errors
     /// What cannot be opened or holds no list; kind `Usage` for panoramas.
@@ -187,8 +187,8 @@ fn start_client(options: ClientOptions, ending: &Shutdown) -> Result<(Lists, Run
     Ok((lists, Running::Client(client, received)))
 }
 
-/// Passes on `list` and all that follow it in `file`; where they are `paced`, each when as much time has passed as between
-/// its capture and that of the first, and times that run backwards are not waited for.
+/// Passes on `list` and all that follow it in `file`; where they are `paced`, each when as much time has
+/// passed as between its capture and that of the first, and times that run backwards are not waited for.
 fn play(
     mut file: ListFile,
     mut list: LightList,

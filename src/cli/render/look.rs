@@ -39,7 +39,8 @@ pub(super) struct Look {
     tone: ToneName,
 
     /// Node of the scene, with all below it, that is not seen but casts its shadows. May be given again. For
-    /// pictures that shall fit each other give --eye and --target: the default camera frames what casts shadows.
+    /// pictures that shall fit each other give --eye and --target: the default camera frames what casts
+    /// shadows.
     #[arg(long, value_name = "NODE")]
     hold_out: Vec<String>,
 

@@ -1,5 +1,5 @@
-//! What a report is about: panoramas, sequences, and what is built in where none are named. All of it is opened, and
-//! panoramas read, before anything is measured.
+//! What a report is about: panoramas, sequences, and what is built in where none are named. All of it is
+//! opened, and panoramas read, before anything is measured.
 
 use super::Arguments;
 use super::sequences::Recorded;
@@ -102,7 +102,8 @@ impl Kinds {
 }
 
 impl Inputs {
-    /// Opens everything; `telling` is called with the name of what is read next. `None` when `shutdown` is requested.
+    /// Opens everything; `telling` is called with the name of what is read next. `None` when `shutdown` is
+    /// requested.
     pub fn open(arguments: &Arguments, shutdown: &Shutdown, telling: impl Fn(&str)) -> Result<Option<Self>> {
         let mut inputs = Self { maps: Vec::new(), sequences: Vec::new() };
         let named = named(arguments)?;
@@ -214,7 +215,8 @@ impl Moving {
         }
     }
 
-    /// Reads as many frames as `arguments` say and works out their truth; `None` when `shutdown` is requested meanwhile.
+    /// Reads as many frames as `arguments` say and works out their truth; `None` when `shutdown` is requested
+    /// meanwhile.
     pub fn read(&mut self, arguments: &Arguments, shutdown: &Shutdown) -> Result<Option<Sequence>> {
         let (limit, goes_on) = (arguments.frame_limit(), || !shutdown.is_requested());
         let maps = match self {

@@ -133,7 +133,8 @@ impl<'a> Report<'a> {
         Ok(self.goes_on())
     }
 
-    /// The table of a sequence; its rows beside published figures, where it has these, are added to `published`.
+    /// The table of a sequence; its rows beside published figures, where it has these, are added to
+    /// `published`.
     fn sequence(&mut self, moving: &mut Moving, published: &mut Vec<sequence_table::Row>) -> Result<bool> {
         let name = moving.name();
         self.progress.set_message(format!("reading {name}"));
@@ -162,7 +163,8 @@ impl<'a> Report<'a> {
         Ok(true)
     }
 
-    /// The means over the maps; of the thirteen that there are published figures for these too. Whether to go on.
+    /// The means over the maps; of the thirteen that there are published figures for these too. Whether to go
+    /// on.
     fn means(&mut self, maps: &[Map], rows: &[stills::Row]) -> Result<bool> {
         let lines = self.document.means.as_ref().map(Table::lines).unwrap_or_default();
         self.show(&lines)?;

@@ -23,7 +23,8 @@ pub(super) struct Drawing {
 }
 
 impl Drawing {
-    /// Opens the device, where the arguments and the adapter allow pictures; says in the document why where not.
+    /// Opens the device, where the arguments and the adapter allow pictures; says in the document why where
+    /// not.
     pub fn open(arguments: &Arguments, document: &mut Document, map_count: usize) -> Result<Option<Self>> {
         let Arguments { pictures: is_wanted, tables, .. } = *arguments;
         if map_count == 0 || (tables && !is_wanted) {

@@ -56,8 +56,8 @@ impl Serving<'_> {
         Ok((Service::start(config, ends, &ending)?, ending))
     }
 
-    /// Starts with a configuration that has worked: if it does not now, a device is away, and is waited for; SIGHUP can
-    /// bring another. `None`: the program is to end.
+    /// Starts with a configuration that has worked: if it does not now, a device is away, and is waited for;
+    /// SIGHUP can bring another. `None`: the program is to end.
     fn start_as_before(&mut self, config: &mut Config, record: Option<&Path>) -> Option<(Service, Shutdown)> {
         let mut attempts = BackOff::new(FIRST_WAIT, LONGEST_WAIT);
         loop {
@@ -135,7 +135,8 @@ struct Next {
     options: ServerOptions,
 }
 
-/// Waits between attempts to start with a configuration that has worked: the first, doubled from time to time, and the last.
+/// Waits between attempts to start with a configuration that has worked: the first, doubled from time to
+/// time, and the last.
 const FIRST_WAIT: Duration = Duration::from_millis(250);
 const LONGEST_WAIT: Duration = Duration::from_secs(8);
 

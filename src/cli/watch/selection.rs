@@ -15,8 +15,8 @@ impl Selection {
         Self { subscription, due_ns: None, prefixes: Prefixes::default(), joined: Vec::new() }
     }
 
-    /// Shortens a list to the lights that are wanted; false where its time has not come. The error of a length that the
-    /// list says nothing of is not known.
+    /// Shortens a list to the lights that are wanted; false where its time has not come. The error of a
+    /// length that the list says nothing of is not known.
     pub fn take(&mut self, list: &mut LightList) -> bool {
         let Some(due_ns) = self.subscription.due_after(self.due_ns, &list.stamp) else { return false };
         self.due_ns = due_ns;

@@ -10,7 +10,8 @@ use lightcast_core::image::{Frame, Pixels, PolarMap};
 use std::io::{Cursor, Seek, Write};
 use std::path::Path;
 
-/// Writes radiance as an OpenEXR file, channels `R`, `G`, `B` (and `A`) or `Y`, ZIP-compressed (lossless) scan lines.
+/// Writes radiance as an OpenEXR file, channels `R`, `G`, `B` (and `A`) or `Y`, ZIP-compressed (lossless)
+/// scan lines.
 ///
 /// `half` halves the size: 11 bits of precision, values from 65520 up become infinite. The frame rate goes
 /// into `framesPerSecond`. The same frame gives the same bytes each time.

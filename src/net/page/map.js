@@ -1,5 +1,5 @@
-// The polar map as a disc, and the lights as rings on it: azimuthal equidistant about +Y, the polar angle from the
-// centre, the azimuth anticlockwise from the right, as seen from below.
+// The polar map as a disc, and the lights as rings on it: azimuthal equidistant about +Y, the polar angle
+// from the centre, the azimuth anticlockwise from the right, as seen from below.
 
 import { fit, luminance, program } from "/gl.js";
 

@@ -77,8 +77,9 @@ client.addEventListener("state", ({ detail: { state, retry_ms } }) => {
 
 client.addEventListener("list", ({ detail }) => {
   const now = performance.now();
-  // Of lists that did not come nobody says what was lost before them: numbers that are missing are lists that this
-  // connection was too slow for, or frames. (It asks for all lists; a lower rate would leave out others.)
+  // Of lists that did not come nobody says what was lost before them: numbers that are missing are lists that
+  // this connection was too slow for, or frames. (It asks for all lists; a lower rate would leave out
+  // others.)
   if (fresh) lostFrames += Math.max(0, detail.sequence - list.sequence - 1 - detail.stream.lost);
   list = detail;
   fresh = true;

@@ -1,6 +1,6 @@
-// Shaders of the scene. Every light is asked at every point which part of it the scene's things hide: they are a sphere,
-// a ball, a box and a stick, and how far a ray passes from each of them is known exactly, so that shadows are as soft as
-// the light is spread and have no grain.
+// Shaders of the scene. Every light is asked at every point which part of it the scene's things hide: they
+// are a sphere, a ball, a box and a stick, and how far a ray passes from each of them is known exactly, so
+// that shadows are as soft as the light is spread and have no grain.
 
 /**
  * Things of the scene; lengths in the scene's own units. The colours are albedos, linear Rec. 709. The rounded lower edges
@@ -61,8 +61,8 @@ float cut(float s, float r) {
   return smoothstep(-r, r, s);
 }
 
-// Of a light of angular radius r in direction l, the part that a sphere hides. Angles are taken for their tangents: here,
-// by how much the ray misses the sphere, against the way to there.
+// Of a light of angular radius r in direction l, the part that a sphere hides. Angles are taken for their
+// tangents: here, by how much the ray misses the sphere, against the way to there.
 float by_sphere(vec3 centre, float radius, vec3 l, float r) {
   vec3 to = centre - point;
   float along = dot(to, l);
@@ -87,9 +87,9 @@ float by_stick(vec3 l, float r) {
   return cut(apart + size, r) - cut(apart - size, r);
 }
 
-// By a box: the ray is inside between the last of three planes that it enters by and the first of three that it leaves by.
-// For one of each, the way between them is negative for a ray that misses their edge; it gives how far the ray passes from
-// the edge's line, and where. The least of the six angles counts.
+// By a box: the ray is inside between the last of three planes that it enters by and the first of three that
+// it leaves by. For one of each, the way between them is negative for a ray that misses their edge; it gives
+// how far the ray passes from the edge's line, and where. The least of the six angles counts.
 float by_box(vec3 l, float r) {
   const float c = ${number(Math.cos(box.turn))};
   const float s = ${number(Math.sin(box.turn))};
@@ -112,7 +112,8 @@ float by_box(vec3 l, float r) {
   float last = min(min(leave.x, leave.y), leave.z);
   // Behind: the ray's other half is inside.
   if (last <= 0.0 && max(max(enter.x, enter.y), enter.z) <= last) return 0.0;
-  // Of the planes' directions the pairs y and z, z and x, x and y, one entered by and the other left by, and conversely.
+  // Of the planes' directions the pairs y and z, z and x, x and y, one entered by and the other left by, and
+  // conversely.
   vec3 one = (d * d).yzx;
   vec3 other = (d * d).zxy;
   vec3 both = one + other;

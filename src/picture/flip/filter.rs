@@ -1,10 +1,11 @@
-//! FLIP's filters. All of them are products of a kernel across and a kernel down, or sums of such, which costs
-//! 2 (2 r + 1) multiplications a pixel instead of (2 r + 1)^2. Beyond the border the border's pixels go on.
+//! FLIP's filters. All of them are products of a kernel across and a kernel down, or sums of such, which
+//! costs 2 (2 r + 1) multiplications a pixel instead of (2 r + 1)^2. Beyond the border the border's pixels go
+//! on.
 
 use std::f64::consts::PI;
 
-/// One Gaussian of a contrast sensitivity function: a exp(-b f^2) over frequency f in cycles per degree is
-/// a sqrt(pi / b) exp(-pi^2 x^2 / b) over x in degrees. Pairs (a, b).
+/// One Gaussian of a contrast sensitivity function: a exp(-b f^2) over frequency f in cycles per degree is a
+/// sqrt(pi / b) exp(-pi^2 x^2 / b) over x in degrees. Pairs (a, b).
 type Gaussian = (f64, f64);
 
 /// How the eye blurs one opponent channel: one Gaussian or the sum of two, with the paper's a and b.
@@ -53,8 +54,8 @@ pub enum Derivative {
     Second,
 }
 
-/// A derivative of a Gaussian, out to three standard deviations; its positive values sum to 1, its negative ones to
-/// -1.
+/// A derivative of a Gaussian, out to three standard deviations; its positive values sum to 1, its negative
+/// ones to -1.
 pub fn derivative(order: Derivative, deviation_px: f64) -> Vec<f64> {
     let radius = (3.0 * deviation_px).ceil() as i32;
     let mut kernel = samples(radius, |x| {
@@ -78,7 +79,8 @@ fn samples(radius: i32, value: impl Fn(f64) -> f64) -> Vec<f64> {
     (-radius..=radius).map(|x| value(f64::from(x))).collect()
 }
 
-/// The plane correlated with `across` along its rows and with `down` along its columns. Both kernels are odd in length.
+/// The plane correlated with `across` along its rows and with `down` along its columns. Both kernels are odd
+/// in length.
 pub fn separable(plane: &[f64], width: usize, across: &[f64], down: &[f64]) -> Vec<f64> {
     let height = plane.len() / width;
     let mut rows = vec![0.0; plane.len()];

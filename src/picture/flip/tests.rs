@@ -101,8 +101,9 @@ const CASES: [Case; 8] = [
     },
 ];
 
-/// The reference implementation works in f32. Where a few pixels differ and all others nearly do not, its exponents of
-/// 0.7 and 0.5 bring that rounding up to 8e-5 of the mean; between pictures that differ everywhere it is below 1e-6.
+/// The reference implementation works in f32. Where a few pixels differ and all others nearly do not, its
+/// exponents of 0.7 and 0.5 bring that rounding up to 8e-5 of the mean; between pictures that differ
+/// everywhere it is below 1e-6.
 #[test]
 fn agrees_with_the_reference_implementation() {
     for case in &CASES {

@@ -53,9 +53,9 @@ impl Axis {
         self.from_px + (value.ln() - self.low) / (self.high - self.low) * (self.to_px - self.from_px)
     }
 
-    /// Ticks at 1 to 9 times the powers of ten; only at the powers where the range is long. Labels stand at the
-    /// powers, or also at 2 and 5, or at all, so that there are enough of them; at every second, third, ... power
-    /// where there are too many, and nowhere so close to another that they would touch.
+    /// Ticks at 1 to 9 times the powers of ten; only at the powers where the range is long. Labels stand at
+    /// the powers, or also at 2 and 5, or at all, so that there are enough of them; at every second, third,
+    /// ... power where there are too many, and nowhere so close to another that they would touch.
     pub fn ticks(&self) -> Vec<Tick> {
         const LN_10: f64 = std::f64::consts::LN_10;
         let decades = (self.low / LN_10).floor() as i32..=(self.high / LN_10).ceil() as i32;

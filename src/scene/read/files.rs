@@ -1,4 +1,5 @@
-//! The files of a scene: what they may refer to, how much of them is read, and what becomes of a reader's panic.
+//! The files of a scene: what they may refer to, how much of them is read, and what becomes of a reader's
+//! panic.
 
 use crate::error::{Error, Result};
 use crate::rt;
@@ -21,8 +22,8 @@ impl Files {
         Self { folder: path.parent().map(Path::to_path_buf).unwrap_or_default(), bytes_left: MAX_BYTES }
     }
 
-    /// Reads the file `name`, a path relative to the scene's folder with `/` between its parts. Parts that lead out
-    /// of the folder are refused, and so are URLs.
+    /// Reads the file `name`, a path relative to the scene's folder with `/` between its parts. Parts that
+    /// lead out of the folder are refused, and so are URLs.
     pub(super) fn read(&mut self, name: &str) -> Result<Vec<u8>> {
         let relative = Path::new(name);
         let is_inside =
@@ -57,8 +58,8 @@ impl Files {
     }
 }
 
-/// Runs a reader; its panic becomes an error. `gltf` 1.4, `tobj` 4.0 and the decoders of `image` 0.25 index and
-/// unwrap what damaged files say. Nothing of theirs outlives the call.
+/// Runs a reader; its panic becomes an error. `gltf` 1.4, `tobj` 4.0 and the decoders of `image` 0.25 index
+/// and unwrap what damaged files say. Nothing of theirs outlives the call.
 pub(super) fn contained<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
     rt::contained(read)
         .unwrap_or_else(|cause| Err(Error::usage(format!("is damaged: its reader gave up with `{cause}`"))))

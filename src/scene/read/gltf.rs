@@ -1,10 +1,11 @@
 //! glTF 2.0: `.glb`, and `.gltf` with its buffers and pictures in files beside it or in data URIs.
 //!
-//! Read are the default scene (without one, all nodes that are no one's children), triangles, strips and fans, the
-//! metal-rough material, `TEXCOORD_0`, `COLOR_0`, sparse accessors, animation of nodes and the first perspective
-//! camera. Left out, with a note: skins and morph targets (the mesh is shown as it lies in the file), points and
-//! lines, second texture coordinates, blending (drawn where alpha >= 1/2), occlusion textures (see
-//! [`Material`](crate::scene::Material)), extensions. A file that requires an extension is refused.
+//! Read are the default scene (without one, all nodes that are no one's children), triangles, strips and
+//! fans, the metal-rough material, `TEXCOORD_0`, `COLOR_0`, sparse accessors, animation of nodes and the
+//! first perspective camera. Left out, with a note: skins and morph targets (the mesh is shown as it lies in
+//! the file), points and lines, second texture coordinates, blending (drawn where alpha >= 1/2), occlusion
+//! textures (see [`Material`](crate::scene::Material)), extensions. A file that requires an extension is
+//! refused.
 
 mod accessor;
 mod animation;
@@ -135,7 +136,8 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Puts the tree of nodes and its meshes into the scene; returns the places of the file's nodes in the scene.
+    /// Puts the tree of nodes and its meshes into the scene; returns the places of the file's nodes in the
+    /// scene.
     fn nodes(&mut self, gltf: &Gltf) -> Result<Vec<Option<usize>>> {
         let mut places = vec![None; gltf.nodes().len()];
         let mut all_roles: Vec<Roles> = Vec::new();
@@ -339,8 +341,9 @@ fn transform(node: &gltf::Node) -> Result<Transform> {
     }
 }
 
-/// The roles that a node's extras give to it and all below it: `{"lightcast": {"roles": ["seen", "casts", "receives"]}}`
-/// with those that it plays; `None` where they say nothing. Extras of others are no concern of ours.
+/// The roles that a node's extras give to it and all below it: `{"lightcast": {"roles": ["seen", "casts",
+/// "receives"]}}` with those that it plays; `None` where they say nothing. Extras of others are no concern of
+/// ours.
 fn own_roles(node: &gltf::Node) -> Result<Option<Roles>> {
     let Some(extras) = node.extras() else { return Ok(None) };
     let Ok(extras) = serde_json::from_str::<serde_json::Value>(extras.get()) else { return Ok(None) };

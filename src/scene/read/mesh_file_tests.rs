@@ -44,7 +44,8 @@ fn an_obj_without_anything_else_is_grey_and_smooth() {
 
 #[test]
 fn normals_are_smooth_across_materials_and_texture_seams() {
-    // A roof of two squares that share the ridge x = 0, of two materials, with texture coordinates of their own.
+    // A roof of two squares that share the ridge x = 0, of two materials, with texture coordinates of their
+    // own.
     let text = "mtllib m.mtl\nv -1 -1 0\nv 0 0 0\nv 0 0 1\nv -1 -1 1\nv 1 -1 0\nv 1 -1 1\nvt 0 0\nvt 1 0.25\n\
                 usemtl red\nf 1/1 4/1 3/1 2/1\nusemtl shiny\nf 2/2 3/2 6/2 5/2\n";
     let library = b"newmtl red\nKd 0.5 0.25 0.125\nKs 1 1 1\nNs 50\nillum 1\n\

@@ -32,16 +32,16 @@ impl Scene {
     /// | Wavefront `.obj` | polygons, normals, texture coordinates, vertex colours; of `.mtl` `Kd`, `Ks`, `Ns`, `Ke`, `d`, `map_Kd` |
     /// | `.ply`, ascii or binary | polygons, normals, texture coordinates, vertex colours |
     ///
-    /// glTF and PLY files are known by their first bytes, OBJ files, which have none of their own, by their name.
-    /// Units and axes are taken as they are. What files refer to lies in their folder or below it. What is left out
-    /// stands in [`Scene::notes`].
+    /// glTF and PLY files are known by their first bytes, OBJ files, which have none of their own, by their
+    /// name. Units and axes are taken as they are. What files refer to lies in their folder or below it. What
+    /// is left out stands in [`Scene::notes`].
     ///
     /// # Errors
     ///
-    /// Of kind [`Usage`](crate::error::Kind::Usage), naming the file: missing, empty, truncated, damaged, of no
-    /// known kind, larger than the limits of this module, without a triangle; references to files that are missing
-    /// or lie elsewhere; indices of what is not there; numbers that are not finite; trees with cycles. No content of
-    /// a file panics.
+    /// Of kind [`Usage`](crate::error::Kind::Usage), naming the file: missing, empty, truncated, damaged, of
+    /// no known kind, larger than the limits of this module, without a triangle; references to files that are
+    /// missing or lie elsewhere; indices of what is not there; numbers that are not finite; trees with
+    /// cycles. No content of a file panics.
     pub fn load(path: &Path) -> Result<Self> {
         contained(|| load_by_kind(path)).map_err(|error| error.at(path))
     }

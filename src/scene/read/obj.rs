@@ -1,10 +1,10 @@
 //! Wavefront OBJ files and their material libraries, by `tobj`.
 //!
-//! Polygons become fans of triangles, which is right for convex ones. Points, lines, curves and smoothing groups
-//! are left out. All faces of one material become one mesh. Vertex colours (three numbers behind a position, as
-//! MeshLab writes them) are taken as sRGB. Materials: Lambert with `Kd` (linear, as the format defines it) and
-//! `map_Kd` (sRGB), Phong's lobe with `Ks` and `Ns` unless `illum` is 0 or 1, `Ke`, `d`. A library that is missing
-//! or damaged costs the materials, not the scene: a note says so.
+//! Polygons become fans of triangles, which is right for convex ones. Points, lines, curves and smoothing
+//! groups are left out. All faces of one material become one mesh. Vertex colours (three numbers behind a
+//! position, as MeshLab writes them) are taken as sRGB. Materials: Lambert with `Kd` (linear, as the format
+//! defines it) and `map_Kd` (sRGB), Phong's lobe with `Ks` and `Ns` unless `illum` is 0 or 1, `Ke`, `d`. A
+//! library that is missing or damaged costs the materials, not the scene: a note says so.
 
 use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
 use super::files::{Files, contained, short};
@@ -27,7 +27,8 @@ const MAX_GROUPS: usize = 1 << 20;
 /// Bytes of a material library at most: a material of ten bytes becomes one of some hundreds.
 const MAX_LIBRARY_BYTES: usize = 1 << 24;
 
-/// Largest exponent of Phong's lobe that is kept; MTL files have up to 1000. Its lobe is less than a degree wide.
+/// Largest exponent of Phong's lobe that is kept; MTL files have up to 1000. Its lobe is less than a degree
+/// wide.
 const MAX_EXPONENT: f32 = 1e4;
 
 pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
@@ -99,8 +100,8 @@ fn check_counts(bytes: &[u8]) -> Result<()> {
 /// Vertices of all models, and for every material its triangles.
 type Gathered = (Vec<Vertex>, Vec<(usize, Vec<u32>)>);
 
-/// Puts all models into one list of vertices, so that their normals are smooth across the borders of groups and
-/// materials, and the triangles of every material together.
+/// Puts all models into one list of vertices, so that their normals are smooth across the borders of groups
+/// and materials, and the triangles of every material together.
 fn gather(
     models: &[tobj::Model],
     materials: &mut Vec<Material>,
@@ -119,7 +120,8 @@ fn gather(
         let mesh = &model.mesh;
         let first = vertices.len() as u32;
         let count = mesh.positions.len() / 3;
-        // `tobj` packs what is there: where a corner lacks a number, those behind it are no longer in their place.
+        // `tobj` packs what is there: where a corner lacks a number, those behind it are no longer in their
+        // place.
         let complete = |what: &str, values: &[f32], size: usize, notes: &mut Vec<String>| {
             let is_complete = values.len() == size * count;
             if !is_complete && !values.is_empty() {

@@ -1,10 +1,10 @@
-//! PLY files: polygons of `vertex_indices` or `vertex_index` over vertices with `x y z`, and where they are there
-//! `nx ny nz`, `red green blue` (`alpha`) and `s t`, `u v` or `texture_u texture_v`.
+//! PLY files: polygons of `vertex_indices` or `vertex_index` over vertices with `x y z`, and where they are
+//! there `nx ny nz`, `red green blue` (`alpha`) and `s t`, `u v` or `texture_u texture_v`.
 //!
-//! Polygons become fans of triangles, which is right for convex ones. Colours are taken as sRGB, as 3D scanners and
-//! MeshLab write them; 8 and 16 bits are scaled to [0, 1]. With colours the surface is Lambert white times the
-//! colour, without it is [`GREY`](crate::scene::GREY). Of ascii files `ply-rs-bw` reads plain decimal numbers
-//! only, no `nan`, `.5` or `5.`.
+//! Polygons become fans of triangles, which is right for convex ones. Colours are taken as sRGB, as 3D
+//! scanners and MeshLab write them; 8 and 16 bits are scaled to [0, 1]. With colours the surface is Lambert
+//! white times the colour, without it is [`GREY`](crate::scene::GREY). Of ascii files `ply-rs-bw` reads plain
+//! decimal numbers only, no `nan`, `.5` or `5.`.
 
 use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
 use super::files::short;
@@ -58,8 +58,8 @@ fn damaged(error: ParseError) -> Error {
     Error::usage(format!("cannot be read as PLY; is it complete? {}", short(&error.to_string())))
 }
 
-/// Refuses counts that the file is too short for: `ply-rs-bw` 4.0 allocates little in advance, but it would make
-/// as many elements without a property as the header says.
+/// Refuses counts that the file is too short for: `ply-rs-bw` 4.0 allocates little in advance, but it would
+/// make as many elements without a property as the header says.
 fn check_header(header: &Header, bytes: usize) -> Result<()> {
     for (name, element) in &header.elements {
         let least: usize = match header.encoding {

@@ -3,7 +3,8 @@ use crate::source::BadBuffer;
 use lightcast_core::camera::ResponseModel;
 use lightcast_core::image::Pixels;
 
-/// A sensor whose exposure follows what it is told after `latency` frames; scene radiances by pixel, 8-bit linear codes.
+/// A sensor whose exposure follows what it is told after `latency` frames; scene radiances by pixel, 8-bit
+/// linear codes.
 struct Scripted {
     scene: Vec<f64>,
     unit_s: f64,
@@ -82,8 +83,8 @@ fn response() -> Response {
     Response::new(ResponseModel::Linear { black_level: 0, white_level: 255, gain: 0.01 }).unwrap()
 }
 
-/// Marks of the rounds (round, time), faulty frames, and rounds that were told to be incomplete; every merged frame must be
-/// the scene.
+/// Marks of the rounds (round, time), faulty frames, and rounds that were told to be incomplete; every merged
+/// frame must be the scene.
 fn play(frames: &[Event], latency: u32) -> (Vec<(u32, i64)>, usize, Vec<u32>) {
     let camera = Scripted {
         scene: SCENE.to_vec(),

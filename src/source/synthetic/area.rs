@@ -1,8 +1,10 @@
-//! Lat-long grids averaged to others by exact areas: overlaps in azimuth times overlaps in the cosine of theta.
+//! Lat-long grids averaged to others by exact areas: overlaps in azimuth times overlaps in the cosine of
+//! theta.
 
 use std::f64::consts::PI;
 
-/// The source cells under one target cell: consecutive ones from `first` on, wrapping, with their shares of it.
+/// The source cells under one target cell: consecutive ones from `first` on, wrapping, with their shares of
+/// it.
 struct Overlap {
     first: usize,
     shares: Vec<f64>,

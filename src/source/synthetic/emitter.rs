@@ -13,15 +13,16 @@ pub enum Shape {
     Rectangle,
 }
 
-/// Half the width of the soft edge, as a fraction of the half axis. The edge makes the pixel integral smooth in
-/// the emitter's position, so that a few dozen cells across give its power to four digits; a hard edge would need
-/// thousands. The value is the largest that still looks like an edge.
+/// Half the width of the soft edge, as a fraction of the half axis. The edge makes the pixel integral smooth
+/// in the emitter's position, so that a few dozen cells across give its power to four digits; a hard edge
+/// would need thousands. The value is the largest that still looks like an edge.
 const EDGE: f64 = 0.15;
 
 /// Cells across a half axis that the pixel integral needs: the soft edge is then five cells wide.
 const CELLS_PER_HALF_AXIS: f64 = 16.0;
 
-/// A flat patch of constant radiance, seen from the origin. It may stand anywhere; the sun is a disc at distance 1.
+/// A flat patch of constant radiance, seen from the origin. It may stand anywhere; the sun is a disc at
+/// distance 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Emitter {
     /// Middle of the patch, relative to the camera.
@@ -37,8 +38,8 @@ pub struct Emitter {
 }
 
 impl Emitter {
-    /// A far disc that faces the camera: direction by azimuth (from +X towards +Z) and elevation, angular radius,
-    /// all in degrees.
+    /// A far disc that faces the camera: direction by azimuth (from +X towards +Z) and elevation, angular
+    /// radius, all in degrees.
     pub fn far_disc(azimuth_deg: f64, elevation_deg: f64, radius_deg: f64, radiance: [f64; 3]) -> Self {
         let (theta_rad, phi_rad) = ((90.0 - elevation_deg).to_radians(), azimuth_deg.to_radians());
         let centre = direction(theta_rad, phi_rad);
@@ -66,8 +67,8 @@ impl Emitter {
         }
     }
 
-    /// Area in the plane, soft edge included. The edge is symmetric, which leaves a rectangle's area alone; a disc
-    /// gains the variance of the edge, `EDGE^2 / 5` for the cubic step.
+    /// Area in the plane, soft edge included. The edge is symmetric, which leaves a rectangle's area alone; a
+    /// disc gains the variance of the edge, `EDGE^2 / 5` for the cubic step.
     pub fn area(&self) -> f64 {
         let square = self.half_u.length() * self.half_v.length();
         match self.shape {

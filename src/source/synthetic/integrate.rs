@@ -1,9 +1,9 @@
 //! Mean radiance over a pixel's solid angle.
 //!
-//! A pixel is cut into `n x n` cells. Each is a spherical quadrilateral between four directions and counts with
-//! its solid angle: constant scenes stay constant whatever the lens, and radiance times the pixel's solid angle
-//! sums to the scene's power. Where a [`Detail`] stands the cells become as fine as it asks, so that a sun much
-//! smaller than a pixel keeps its power wherever it stands.
+//! A pixel is cut into `n x n` cells. Each is a spherical quadrilateral between four directions and counts
+//! with its solid angle: constant scenes stay constant whatever the lens, and radiance times the pixel's
+//! solid angle sums to the scene's power. Where a [`Detail`] stands the cells become as fine as it asks, so
+//! that a sun much smaller than a pixel keeps its power wherever it stands.
 
 use super::emitter::Detail;
 use glam::{DMat3, DVec2, DVec3};
@@ -64,8 +64,8 @@ impl PixelIntegral {
                 else {
                     continue;
                 };
-                // Half the cross product of the diagonals: exact for a flat quadrilateral, and for a spherical
-                // one up to a factor that neighbours share.
+                // Half the cross product of the diagonals: exact for a flat quadrilateral, and for a
+                // spherical one up to a factor that neighbours share.
                 let solid_angle = 0.5 * (c - a).cross(d - b).length();
                 let Some(middle) = (a + b + c + d).try_normalize() else { continue };
                 let value = radiance(middle);
@@ -85,8 +85,8 @@ fn cells_needed(view: &FrameView, [column, row]: [usize; 2], least: usize, detai
     let corners = [(x, y), (x + 1.0, y), (x + 1.0, y + 1.0), (x, y + 1.0)].map(|(x, y)| view.direction(x, y));
     let mut inside = corners.into_iter().flatten();
     let Some(first) = inside.next() else { return least };
-    // From one corner across the pixel: an upper bound of the distance to any point of it, up to the curvature.
-    // A pixel cut by the rim may reach further than the corners that it has left.
+    // From one corner across the pixel: an upper bound of the distance to any point of it, up to the
+    // curvature. A pixel cut by the rim may reach further than the corners that it has left.
     let whole = corners.iter().all(Option::is_some);
     let Some(reach) = (if whole {
         inside.map(|corner| (corner - first).length()).reduce(f64::max)
@@ -137,7 +137,8 @@ mod tests {
         FrameView { projection, world_from_camera: DMat3::IDENTITY }
     }
 
-    /// Solid angle of a pixel by 200 x 200 cells of two spherical triangles each (van Oosterom and Strackee 1983).
+    /// Solid angle of a pixel by 200 x 200 cells of two spherical triangles each (van Oosterom and Strackee
+    /// 1983).
     fn solid_angle(view: &FrameView, column: usize, row: usize) -> f64 {
         let n = 200;
         let at = |i: usize, j: usize| {
@@ -182,7 +183,8 @@ mod tests {
         let (view, _) = fisheye(64, [0.02, -0.004, 0.0008, 0.0]);
         let mut worst: f64 = 0.0;
         for i in 0..40 {
-            // A pixel is about 3 degrees wide: steps of an odd fraction of it, from the zenith to the horizon.
+            // A pixel is about 3 degrees wide: steps of an odd fraction of it, from the zenith to the
+            // horizon.
             let (azimuth, elevation) = (17.3 * f64::from(i), 90.0 - 2.19 * f64::from(i));
             let sun = Emitter::far_disc(azimuth, elevation, 0.2666, [1.0; 3]);
             worst = worst.max((power_ratio(&view, &sun) - 1.0).abs());
@@ -211,8 +213,8 @@ mod tests {
             shape: super::super::emitter::Shape::Rectangle,
             radiance: [1.0; 3],
         };
-        // Solid angle of a rectangle parallel to the xz-plane at height h: a sum over its corners of
-        // atan(x z / (h r)).
+        // Solid angle of a rectangle parallel to the xz-plane at height h: a sum over its corners of atan(x z
+        // / (h r)).
         let (mut expected, h) = (0.0, lamp.centre.y);
         for (x, sign_x) in [(1.4f64, 1.0), (0.2, -1.0)] {
             for (z, sign_z) in [(-0.2f64, 1.0), (-0.4, -1.0)] {
@@ -246,7 +248,8 @@ mod tests {
 
     #[test]
     fn solid_angles_weigh_the_cells() {
-        // Radiance cos(theta) over one quarter-turn pixel from the pole to the equator: mean 1/2 by solid angle.
+        // Radiance cos(theta) over one quarter-turn pixel from the pole to the equator: mean 1/2 by solid
+        // angle.
         let view = lat_long(4, 2);
         let mean = PixelIntegral::default().mean(&view, [1, 0], 200, &[], |d| [d.y; 3]);
         assert!((mean[0] - 0.5).abs() < 1e-4, "{}", mean[0]);

@@ -1,11 +1,10 @@
 //! Sequences made by calculation, for the demo, tests and benches.
 //!
-//! A [`Script`] says what there is to see (a sky, a room or a recorded panorama), what moves in it, and through
-//! what it is taken. A scene is a function
-//! `radiance(direction, time)`; a pixel is its mean over the pixel's solid angle (so that radiance times solid
-//! angle sums to the scene's power, METHODS section 4), times the exposure's gain, with noise, through the
-//! response. Everything follows from the script and the frame's number: any frame can be made alone, and the same
-//! script gives the same bytes.
+//! A [`Script`] says what there is to see (a sky, a room or a recorded panorama), what moves in it, and
+//! through what it is taken. A scene is a function `radiance(direction, time)`; a pixel is its mean over the
+//! pixel's solid angle (so that radiance times solid angle sums to the scene's power, METHODS section 4),
+//! times the exposure's gain, with noise, through the response. Everything follows from the script and the
+//! frame's number: any frame can be made alone, and the same script gives the same bytes.
 
 mod animation;
 mod area;
@@ -129,8 +128,8 @@ impl Script {
         }
     }
 
-    /// Pixel means, the rows dealt to as many threads as there are processors: each row depends on nothing but the
-    /// script, so their number does not show.
+    /// Pixel means, the rows dealt to as many threads as there are processors: each row depends on nothing
+    /// but the script, so their number does not show.
     fn integrate(&self, scene: &SceneAt<'_>, samples: &mut [f32], put: impl Fn(&mut [f32], [f64; 3]) + Sync) {
         let width = self.view.projection.width();
         let details = scene.details();

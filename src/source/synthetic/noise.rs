@@ -24,8 +24,8 @@ pub fn normal_pair(key: u64) -> [f64; 2] {
     [radius * cos, radius * sin]
 }
 
-/// Value noise in the plane: hashed values in [0, 1) on the integer lattice, quintic between them (Perlin 2002's
-/// fade, whose first two derivatives vanish on the lattice).
+/// Value noise in the plane: hashed values in [0, 1) on the integer lattice, quintic between them (Perlin
+/// 2002's fade, whose first two derivatives vanish on the lattice).
 pub fn value_noise(x: f64, y: f64, seed: u64) -> f64 {
     let (x0, y0) = (x.floor(), y.floor());
     let fade = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
@@ -38,8 +38,8 @@ pub fn value_noise(x: f64, y: f64, seed: u64) -> f64 {
     mix(mix(corner(row_0, i), corner(row_0, i + 1), tx), mix(corner(row_1, i), corner(row_1, i + 1), tx), ty)
 }
 
-/// Sum of five octaves of value noise, each half as strong and twice as fine as the one before, scaled to [0, 1).
-/// Finer octaves drift `shift` faster, so that the pattern changes while it moves.
+/// Sum of five octaves of value noise, each half as strong and twice as fine as the one before, scaled to [0,
+/// 1). Finer octaves drift `shift` faster, so that the pattern changes while it moves.
 pub fn fractal_noise(x: f64, y: f64, shift: [f64; 2], seed: u64) -> f64 {
     let (mut sum, mut weight, mut scale) = (0.0, 0.5, 1.0);
     for octave in 0..5u32 {

@@ -17,8 +17,8 @@ use std::f64::consts::{PI, TAU};
 pub struct PanoramaOptions {
     /// Lat-long HDR file: relative to the script, or `data:PATH` below the folder that LIGHTCAST_DATA names.
     pub file: String,
-    /// Columns and rows of the grid that the file is averaged to first, by exact areas; columns and percentiles
-    /// below count on it. The file's own size without it.
+    /// Columns and rows of the grid that the file is averaged to first, by exact areas; columns and
+    /// percentiles below count on it. The file's own size without it.
     pub resolution: Option<[usize; 2]>,
     /// Stands still without it.
     #[serde(default)]
@@ -33,8 +33,8 @@ pub struct PanoramaOptions {
 pub struct Turn {
     /// Turn at time 0 in degrees.
     pub start_deg: f64,
-    /// Instead of `start_deg`: the column, counted from phi = 0, where the brightest column of the upper half (by
-    /// luminous power) stands at time 0.
+    /// Instead of `start_deg`: the column, counted from phi = 0, where the brightest column of the upper half
+    /// (by luminous power) stands at time 0.
     pub peak_column: Option<f64>,
     /// Speed in degrees per second.
     pub degrees_per_second: f64,
@@ -48,7 +48,8 @@ pub struct Turn {
 pub struct PixelFlicker {
     /// First and last column, both included, counted from phi = 0.
     pub columns: [usize; 2],
-    /// Only pixels above this percentile of the luminance of all pixels of the upper half (linear between ranks).
+    /// Only pixels above this percentile of the luminance of all pixels of the upper half (linear between
+    /// ranks).
     pub above_percentile: f64,
     /// Cycles per second.
     pub frequency_hz: f64,
@@ -162,7 +163,8 @@ impl Panorama {
         let turn = self.start_columns + self.columns_per_second * time_s;
         PanoramaAt {
             panorama: self,
-            // To a millionth of a column, so that whole columns stay whole whatever the frame rate does to them.
+            // To a millionth of a column, so that whole columns stay whole whatever the frame rate does to
+            // them.
             turn_columns: (turn * 1e6).round() / 1e6,
             factor: self.flicker.map_or(1.0, |flicker| flicker.factor(time_s)),
         }
@@ -218,8 +220,8 @@ impl PanoramaAt<'_> {
         })
     }
 
-    /// Writes a lat-long picture (OpenEXR's orientation, half-pixel centres) by exact areas of the grid's pixels,
-    /// as `write(row, column, radiance)`.
+    /// Writes a lat-long picture (OpenEXR's orientation, half-pixel centres) by exact areas of the grid's
+    /// pixels, as `write(row, column, radiance)`.
     pub fn write_lat_long(&self, width: usize, height: usize, write: impl FnMut(usize, usize, [f64; 3])) {
         let (columns, rows) = (self.panorama.map.shape.columns(), self.panorama.map.shape.rows());
         AreaMean::new([columns, rows], [width, height], -self.turn_columns - columns as f64 / 4.0)

@@ -86,7 +86,8 @@ impl Wall {
 pub struct WallLamp {
     /// The wall that it is on.
     pub wall: Wall,
-    /// Its middle: the two coordinates that the wall leaves free, in the order x, y, z, from the room's corner.
+    /// Its middle: the two coordinates that the wall leaves free, in the order x, y, z, from the room's
+    /// corner.
     pub centre_m: [f64; 2],
     /// Full size of a rectangle along the same two coordinates.
     pub size_m: Option<[f64; 2]>,
@@ -219,8 +220,8 @@ impl RoomAt<'_> {
         (axis, far, direction * nearest)
     }
 
-    /// A Lambert wall under the ambient light and the lamps, each taken as one point with a cosine lobe: enough for
-    /// walls that brighten when a lamp does.
+    /// A Lambert wall under the ambient light and the lamps, each taken as one point with a cosine lobe:
+    /// enough for walls that brighten when a lamp does.
     fn wall_radiance(&self, axis: usize, far: bool, point: DVec3) -> [f64; 3] {
         let room = self.room;
         let inward = if far { -unit(axis) } else { unit(axis) };

@@ -143,7 +143,8 @@ struct Fisheye {
 }
 
 impl Script {
-    /// Reads a script. Paths in it are relative to its folder; those that begin with `data:` lie below `data`.
+    /// Reads a script. Paths in it are relative to its folder; those that begin with `data:` lie below
+    /// `data`.
     ///
     /// # Errors
     /// `Usage`, naming the file, the line and the key: what cannot be read, is not TOML, has unknown keys or
@@ -162,8 +163,8 @@ impl Script {
         keys.check(folder, data).map_err(|error| script.locate("", error))
     }
 
-    /// The camera of a fisheye script, for a calibration file; none for lat-long pictures. The orientation is not
-    /// part of it.
+    /// The camera of a fisheye script, for a calibration file; none for lat-long pictures. The orientation is
+    /// not part of it.
     pub fn calibration(&self) -> Option<Calibration> {
         match self.view.projection {
             Projection::LatLong { .. } => None,
@@ -178,8 +179,8 @@ impl Script {
         &self.view.projection
     }
 
-    /// Rotation from the camera frame to the world, as a configuration has to name it; the identity for lat-long
-    /// pictures.
+    /// Rotation from the camera frame to the world, as a configuration has to name it; the identity for
+    /// lat-long pictures.
     pub fn world_from_camera(&self) -> DMat3 {
         self.view.world_from_camera
     }

@@ -67,8 +67,8 @@ impl V4l2Camera {
     /// Opens the camera and sets it up, without starting it.
     ///
     /// # Errors
-    /// `Usage`: the camera cannot do what the options ask for; the message says what it can. `LostDevice`: it is not
-    /// there, in use by another program, or does not answer.
+    /// `Usage`: the camera cannot do what the options ask for; the message says what it can. `LostDevice`: it
+    /// is not there, in use by another program, or does not answer.
     pub fn open(mut options: V4l2Options) -> Result<Self> {
         let identity = identity::find(&options.device)?;
         let name = if identity.names.contains(&options.device) {
@@ -84,7 +84,8 @@ impl V4l2Camera {
         let (node, set_up) = set_up(&identity, &options).map_err(|error| error.at(&name))?;
         let exposure_s = exposure_s(&node);
         let SetUp { pixel_format, layout, frame_rate_hz } = set_up;
-        // A camera that was unplugged comes back with its own defaults: what the options leave open stays as found now.
+        // A camera that was unplugged comes back with its own defaults: what the options leave open stays as
+        // found now.
         options.format = Some(pixel_format::name(pixel_format.fourcc));
         options.size = Some([layout.width as u32, layout.height as u32]);
         Ok(Self {
@@ -117,7 +118,8 @@ impl V4l2Camera {
         }
     }
 
-    /// Exposure in seconds, where the camera has V4L2's standard control for it and does not change it by itself.
+    /// Exposure in seconds, where the camera has V4L2's standard control for it and does not change it by
+    /// itself.
     pub fn exposure_s(&self) -> Option<f64> {
         self.exposure_s
     }
@@ -149,7 +151,8 @@ impl LiveCamera for V4l2Camera {
     fn start(&mut self) -> Result<()> {
         self.stream = None;
         let identity = identity::find(&self.name)?;
-        // It was all of this when it was opened: a camera that is not now is not ready, and asked again later.
+        // It was all of this when it was opened: a camera that is not now is not ready, and asked again
+        // later.
         let (node, found) = set_up(&identity, &self.options)
             .map_err(|error| error.at(&self.name).with_kind(Kind::LostDevice))?;
         // The filter's taps are made for one rate; the next attempt may find the camera as it was.

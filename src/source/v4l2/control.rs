@@ -77,7 +77,8 @@ pub enum ControlKind {
 /// More controls than any driver has; one that numbers them in a circle is left then.
 const CONTROLS_MAX: usize = 1000;
 
-/// All controls with one number as their value, in the driver's order. Others (buttons, strings, tables) are left out.
+/// All controls with one number as their value, in the driver's order. Others (buttons, strings, tables) are
+/// left out.
 pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
     let mut controls = Vec::new();
     let mut id = 0;
@@ -217,9 +218,9 @@ fn named<'a>(controls: &'a [Control], name: &str) -> Result<&'a Control> {
     })
 }
 
-/// Sets controls and reads them back. Some hold only when others were set before (an exposure, once the automatic one is
-/// off), in an order that is the driver's own, and drivers that refuse a value too early are fewer than those that forget
-/// it: so all are set twice.
+/// Sets controls and reads them back. Some hold only when others were set before (an exposure, once the
+/// automatic one is off), in an order that is the driver's own, and drivers that refuse a value too early are
+/// fewer than those that forget it: so all are set twice.
 ///
 /// # Errors
 /// `Usage` for a name or value that the camera does not have, or a value that the driver changes to another;

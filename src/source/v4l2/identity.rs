@@ -1,9 +1,11 @@
-//! Names of cameras that stay the same when a cable is pulled and put back, and the node that has such a name now.
+//! Names of cameras that stay the same when a cable is pulled and put back, and the node that has such a name
+//! now.
 //!
-//! The kernel numbers its nodes (`/dev/video0`) in the order of their coming. What stays is, best first: udev's link
-//! in `/dev/v4l/by-id` (maker, model, serial number; where there is a number), its link in `/dev/v4l/by-path` (the socket),
-//! and the bus address that the driver itself gives (`usb-0000:00:14.0-3`), which is there without udev too. Where one
-//! address has several cameras, `#1`, `#2` and so on behind it tell them apart.
+//! The kernel numbers its nodes (`/dev/video0`) in the order of their coming. What stays is, best first:
+//! udev's link in `/dev/v4l/by-id` (maker, model, serial number; where there is a number), its link in
+//! `/dev/v4l/by-path` (the socket), and the bus address that the driver itself gives (`usb-0000:00:14.0-3`),
+//! which is there without udev too. Where one address has several cameras, `#1`, `#2` and so on behind it
+//! tell them apart.
 
 use super::node::{Node, text};
 use crate::error::{Error, Result};
@@ -49,8 +51,8 @@ pub(super) fn list() -> Vec<Identity> {
         let before = addresses.iter().filter(|other| **other == address).count();
         let serial = serial(&path);
         let mut names = links(&path);
-        // Two cameras of one model without serial numbers have the same link by maker and model; the socket tells them
-        // apart.
+        // Two cameras of one model without serial numbers have the same link by maker and model; the socket
+        // tells them apart.
         if serial.is_none() {
             names.reverse();
         }

@@ -1,8 +1,9 @@
 //! A device node of the kernel's V4L2 interface: its ioctls, its shared buffers, and nothing that can panic.
 //!
-//! The structures and request codes are those of the `v4l` crate; its own `Device` and `Stream` are not used, because
-//! they panic on controls and colour spaces that they do not know and on errors while a device goes away, and their
-//! buffers can be read only through a call that loses count of them after a timeout (v4l 0.14).
+//! The structures and request codes are those of the `v4l` crate; its own `Device` and `Stream` are not used,
+//! because they panic on controls and colour spaces that they do not know and on errors while a device goes
+//! away, and their buffers can be read only through a call that loses count of them after a timeout (v4l
+//! 0.14).
 //!
 //! All unsafe code of the capture is in this file.
 #![expect(unsafe_code, reason = "V4L2 is ioctls on C structures, and memory that the driver shares")]
@@ -34,8 +35,8 @@ impl Node {
     /// One ioctl, again when a signal interrupts it. `T` must be the structure that belongs to `request`.
     fn ioctl<T>(&self, request: vidioc::_IOC_TYPE, argument: &mut T) -> io::Result<()> {
         loop {
-            // SAFETY: every caller in this file gives the structure that the request is defined with, and pointers in
-            // it lead to buffers that outlive the call.
+            // SAFETY: every caller in this file gives the structure that the request is defined with, and
+            // pointers in it lead to buffers that outlive the call.
             let outcome =
                 unsafe { v4l2::ioctl(self.file.as_raw_fd(), request, ptr::from_mut(argument).cast()) };
             match outcome {
@@ -62,7 +63,8 @@ impl Node {
     pub(super) fn frame_size(&self, pixel_format: u32, index: u32) -> io::Result<Option<SizeRange>> {
         let mut size = sys::v4l2_frmsizeenum { index, pixel_format, ..zeroed() };
         let range = self.ioctl(vidioc::VIDIOC_ENUM_FRAMESIZES, &mut size).map(|()| {
-            // SAFETY: the kernel says in `type_` which member it has filled, and all bytes were set to zero before.
+            // SAFETY: the kernel says in `type_` which member it has filled, and all bytes were set to zero
+            // before.
             unsafe {
                 if size.type_ == sys::v4l2_frmsizetypes_V4L2_FRMSIZE_TYPE_DISCRETE {
                     let one = size.__bindgen_anon_1.discrete;
@@ -79,8 +81,8 @@ impl Node {
         end_of_list(range)
     }
 
-    /// The frame interval, or the shortest of a range, of this index in seconds as (numerator, denominator); `None`
-    /// behind the last.
+    /// The frame interval, or the shortest of a range, of this index in seconds as (numerator, denominator);
+    /// `None` behind the last.
     pub(super) fn frame_interval(
         &self,
         pixel_format: u32,
@@ -242,8 +244,8 @@ pub(super) fn text<T: Copy + Into<i64>>(chars: &[T]) -> String {
     String::from_utf8_lossy(&bytes).trim().to_owned()
 }
 
-/// Buffers of a device, shared with it, while it streams. Dropping ends the streaming and gives the buffers back,
-/// whatever the driver says to that.
+/// Buffers of a device, shared with it, while it streams. Dropping ends the streaming and gives the buffers
+/// back, whatever the driver says to that.
 #[derive(Debug)]
 pub(super) struct Stream {
     node: Node,
@@ -336,8 +338,8 @@ impl Stream {
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        // The device may be gone. Buffers can be given back only when nobody maps them; closing the node frees them
-        // in any case.
+        // The device may be gone. Buffers can be given back only when nobody maps them; closing the node
+        // frees them in any case.
         let _ = self.node.ioctl(vidioc::VIDIOC_STREAMOFF, &mut { CAPTURE });
         self.mappings.clear();
         let mut none = sys::v4l2_requestbuffers { type_: CAPTURE, memory: MAPPED, ..zeroed() };
@@ -362,7 +364,8 @@ unsafe impl Send for Mapping {}
 impl Mapping {
     fn new(node: &Node, buffer: &sys::v4l2_buffer) -> io::Result<Self> {
         let length = buffer.length as usize;
-        // SAFETY: a new mapping at a place of the kernel's choice; buffers for mapping are described by `offset`.
+        // SAFETY: a new mapping at a place of the kernel's choice; buffers for mapping are described by
+        // `offset`.
         let start = unsafe {
             let offset = libc::off_t::from(buffer.m.offset);
             v4l2::mmap(
@@ -379,9 +382,9 @@ impl Mapping {
     }
 
     fn bytes(&self) -> &[u8] {
-        // SAFETY: mapped in `new` and unmapped in `drop`; by V4L2's rules the driver does not write to a buffer that is
-        // dequeued, and only such are read. Readers check lengths only, so one that breaks the rule (v4l2loopback, when
-        // its writer is faster than the reader) gives a torn picture.
+        // SAFETY: mapped in `new` and unmapped in `drop`; by V4L2's rules the driver does not write to a
+        // buffer that is dequeued, and only such are read. Readers check lengths only, so one that breaks the
+        // rule (v4l2loopback, when its writer is faster than the reader) gives a torn picture.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.length) }
     }
 }

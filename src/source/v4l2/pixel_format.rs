@@ -1,5 +1,5 @@
-//! The pixel formats of V4L2 that can be captured, and what their bytes mean.
-//! (Linux media documentation, "Image Formats": luma-only, raw Bayer, packed YUV and compressed formats.)
+//! The pixel formats of V4L2 that can be captured, and what their bytes mean. (Linux media documentation,
+//! "Image Formats": luma-only, raw Bayer, packed YUV and compressed formats.)
 
 use lightcast_core::image::Bayer;
 
@@ -12,12 +12,14 @@ pub(super) enum Samples {
     LittleEndian,
     /// Two bytes each, most significant first.
     BigEndian,
-    /// Four samples of 10 bits in five bytes: the upper eight bits of each, then the lower two of all (MIPI RAW10).
+    /// Four samples of 10 bits in five bytes: the upper eight bits of each, then the lower two of all (MIPI
+    /// RAW10).
     Packed10,
-    /// Four samples of 14 bits in seven bytes: the upper eight bits of each, then the lower six of all, from the least
-    /// significant bit on (MIPI RAW14).
+    /// Four samples of 14 bits in seven bytes: the upper eight bits of each, then the lower six of all, from
+    /// the least significant bit on (MIPI RAW14).
     Packed14,
-    /// Two samples of 12 bits in three bytes: the upper eight bits of each, then the lower four of both (MIPI RAW12).
+    /// Two samples of 12 bits in three bytes: the upper eight bits of each, then the lower four of both (MIPI
+    /// RAW12).
     Packed12,
     /// Y0 Cb Y1 Cr for two pixels.
     Yuyv,
@@ -121,8 +123,8 @@ pub(super) fn find(fourcc: [u8; 4]) -> Option<PixelFormat> {
     KNOWN.iter().copied().find(|format| format.fourcc == fourcc)
 }
 
-/// The code of a name as `lightcast devices` and `v4l2-ctl` write it: up to four characters, and `-BE` behind them for
-/// samples with the most significant byte first. `None` for what is no such name.
+/// The code of a name as `lightcast devices` and `v4l2-ctl` write it: up to four characters, and `-BE` behind
+/// them for samples with the most significant byte first. `None` for what is no such name.
 pub(super) fn fourcc(name: &str) -> Option<[u8; 4]> {
     let (letters, is_big_endian) = name.strip_suffix("-BE").map_or((name, false), |letters| (letters, true));
     let letters = letters.trim_end_matches(' ').as_bytes();

@@ -10,7 +10,8 @@ pub(super) struct Layout {
     pub(super) height: usize,
     /// Bytes from the start of one row to the next; at least those of a row.
     pub(super) stride: usize,
-    /// Whether luma and chroma use all codes from 0 to 255 and not the narrow range of television (16 to 235, 240).
+    /// Whether luma and chroma use all codes from 0 to 255 and not the narrow range of television (16 to 235,
+    /// 240).
     pub(super) is_full_range: bool,
 }
 
@@ -20,9 +21,9 @@ impl Layout {
         self.stride * self.height.saturating_sub(1) + self.samples.row_bytes(self.width)
     }
 
-    /// Fills `codes` with `width * height * channels` samples, row-major, as they come. Returns false, with `codes`
-    /// unspecified, when there are too few bytes. Allocates only when `codes` has another length. Compressed pictures
-    /// are not for this.
+    /// Fills `codes` with `width * height * channels` samples, row-major, as they come. Returns false, with
+    /// `codes` unspecified, when there are too few bytes. Allocates only when `codes` has another length.
+    /// Compressed pictures are not for this.
     pub(super) fn unpack(&self, bytes: &[u8], codes: &mut Vec<u16>) -> bool {
         if bytes.len() < self.least_bytes() || self.samples == Samples::Jpeg {
             return false;
@@ -95,8 +96,8 @@ struct Chroma {
 impl Chroma {
     fn new(cb: u8, cr: u8, is_full_range: bool) -> Self {
         let (cb, cr) = (i32::from(cb) - 128, i32::from(cr) - 128);
-        // Kr = 0.299, Kb = 0.114: R adds 2 (1 - Kr) Cr, B adds 2 (1 - Kb) Cb, G what keeps the luma. The narrow range
-        // has 219 steps of luma and 224 of chroma for full scale.
+        // Kr = 0.299, Kb = 0.114: R adds 2 (1 - Kr) Cr, B adds 2 (1 - Kb) Cb, G what keeps the luma. The
+        // narrow range has 219 steps of luma and 224 of chroma for full scale.
         let (luma, scale, black) = if is_full_range { (65_536, 1.0, 0) } else { (76_309, 255.0 / 224.0, 16) };
         let fixed = |factor: f64| (65_536.0 * scale * factor).round() as i32;
         let add = [fixed(1.402) * cr, -fixed(0.344_136) * cb - fixed(0.714_136) * cr, fixed(1.772) * cb];

@@ -113,8 +113,8 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// Counters in the order of their making: kernel, faulty, short, undecodable, incomplete, out of order, away, restarts;
-    /// the attempts, which come last, are as many as the starts.
+    /// Counters in the order of their making: kernel, faulty, short, undecodable, incomplete, out of order,
+    /// away, restarts; the attempts, which come last, are as many as the starts.
     fn counts(&self) -> Vec<u64> {
         let (attempts, others) = self.counters.split_last().unwrap();
         assert_eq!(*attempts, (ATTEMPTS, self.starts_ms.len() as u64));

@@ -1,9 +1,9 @@
 //! The sparse matrix from the pixels of one picture to those of a polar map.
 //!
-//! It is applied in bands of the picture's rows, so that a band's radiance stays in the second-level cache. A band's
-//! part of the matrix is ordered by map pixel: chunks of four neighbouring pixels, with a weight per pixel and two
-//! bytes per chunk, are added up in four lanes, and the lanes once per band and map pixel. The map, small against
-//! picture and matrix, is what is accessed out of order.
+//! It is applied in bands of the picture's rows, so that a band's radiance stays in the second-level cache. A
+//! band's part of the matrix is ordered by map pixel: chunks of four neighbouring pixels, with a weight per
+//! pixel and two bytes per chunk, are added up in four lanes, and the lanes once per band and map pixel. The
+//! map, small against picture and matrix, is what is accessed out of order.
 
 use super::band_kernels::{BandMatrix, CHUNKS_MAX, Group, LANES, PLANE, add_band};
 use super::footprints::Footprints;
@@ -12,8 +12,8 @@ use crate::image::PolarShape;
 use glam::Vec4;
 use std::ops::Range;
 
-/// Pixels of a band, unless one row has more: their numbers have 16 bits, a plane of their radiance takes 128 KiB of
-/// the second-level cache, and most map pixels have all of their rows in one or two bands.
+/// Pixels of a band, unless one row has more: their numbers have 16 bits, a plane of their radiance takes 128
+/// KiB of the second-level cache, and most map pixels have all of their rows in one or two bands.
 const BAND_PIXELS: usize = 1 << 15;
 
 /// Weights of one picture, band by band.
@@ -57,9 +57,9 @@ struct Part {
 }
 
 impl AreaMatrix {
-    /// Computes the weights of a picture's pixels, for sizes that have been checked. `share` multiplies them: the part
-    /// of its channel's radiance that comes from this picture. What the picture sees of every map pixel, whatever its
-    /// share, is added to `coverage_sr`.
+    /// Computes the weights of a picture's pixels, for sizes that have been checked. `share` multiplies them:
+    /// the part of its channel's radiance that comes from this picture. What the picture sees of every map
+    /// pixel, whatever its share, is added to `coverage_sr`.
     pub(super) fn new(
         mut footprints: Footprints,
         shape: PolarShape,
@@ -175,8 +175,8 @@ impl AreaMatrix {
             .map(|span| span.start as usize..span.end as usize)
     }
 
-    /// Adds what a band gives to the map's sums. `radiance` starts with the band's first pixel; pixels outside of the
-    /// spans only have to be finite.
+    /// Adds what a band gives to the map's sums. `radiance` starts with the band's first pixel; pixels
+    /// outside of the spans only have to be finite.
     pub(super) fn add(&self, band: usize, radiance: &[f32; PLANE], sums: &mut [f64]) {
         let (start, end) = (self.start(band), self.bands[band]);
         let matrix = BandMatrix {

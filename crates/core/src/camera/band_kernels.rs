@@ -1,19 +1,19 @@
 //! The inner loops of [`super::FrameToPolar`], over one band of a frame's rows.
 //!
-//! Portable code on arrays of lanes, compiled for several instruction sets and chosen at run time. Products and
-//! sums are written apart (no fused multiply-add), so every instruction set gives the same bits.
+//! Portable code on arrays of lanes, compiled for several instruction sets and chosen at run time. Products
+//! and sums are written apart (no fused multiply-add), so every instruction set gives the same bits.
 
 use super::PixelCounts;
 use super::response::CodeLookup;
 use glam::Vec4;
 use multiversion::multiversion;
 
-/// Weights per chunk; a chunk of fewer pixels is filled up with weights of zero. Four, because a map pixel is often
-/// only 3 to 10 pixels of the frame wide: longer chunks would be mostly fill.
+/// Weights per chunk; a chunk of fewer pixels is filled up with weights of zero. Four, because a map pixel is
+/// often only 3 to 10 pixels of the frame wide: longer chunks would be mostly fill.
 pub(super) const LANES: usize = 4;
 
-/// Chunks per sum at most. A lane then adds 64 products of f32 and the lanes three sums, in all less than
-/// 70 roundings of 2^-24 = 4e-6 of a sum of positive numbers; from there on sums are f64.
+/// Chunks per sum at most. A lane then adds 64 products of f32 and the lanes three sums, in all less than 70
+/// roundings of 2^-24 = 4e-6 of a sum of positive numbers; from there on sums are f64.
 pub(super) const CHUNKS_MAX: usize = 64;
 
 /// Chunks of a part that has a loop of its own length.
@@ -43,8 +43,8 @@ pub(super) struct BandMatrix<'a> {
     pub(super) weights: &'a [Vec4],
 }
 
-/// `sums[cell] += weights . radiance` for every part. Parts come in groups of one length because the processor
-/// cannot foresee a loop's length otherwise, and a wrong guess costs more than a part.
+/// `sums[cell] += weights . radiance` for every part. Parts come in groups of one length because the
+/// processor cannot foresee a loop's length otherwise, and a wrong guess costs more than a part.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn add_band(band: BandMatrix, radiance: &[f32; PLANE], sums: &mut [f64]) {
     add_band_body(band, radiance, sums);
@@ -92,8 +92,8 @@ fn add_short<const CHUNKS: usize>(
     }
 }
 
-/// The scalar product, in four lanes; of a long part as four such sums, as a single one would have each addition wait
-/// for the one before.
+/// The scalar product, in four lanes; of a long part as four such sums, as a single one would have each
+/// addition wait for the one before.
 #[inline(always)]
 fn product(starts: &[u16], weights: &[Vec4], radiance: &[f32; PLANE]) -> f64 {
     if starts.len() <= SHORT {
@@ -127,7 +127,8 @@ fn sum_of_lanes(lanes: Vec4) -> f64 {
     f64::from((lanes.x + lanes.z) + (lanes.y + lanes.w))
 }
 
-/// Raw codes of pixels with `channels` interleaved channels to radiance, one plane per channel ([`PLANE`] apart).
+/// Raw codes of pixels with `channels` interleaved channels to radiance, one plane per channel ([`PLANE`]
+/// apart).
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn decode_codes(
     codes: &[u16],
@@ -148,8 +149,8 @@ fn decode_codes_body<const CHANNELS: usize>(
     planes: &mut [f32],
 ) -> PixelCounts {
     let pixels = codes.as_chunks::<CHANNELS>().0;
-    // Counting is a loop of its own: it has no look-up and runs in vectors, of 16 bits as the codes have. A stretch has
-    // fewer than 2^16 pixels.
+    // Counting is a loop of its own: it has no look-up and runs in vectors, of 16 bits as the codes have. A
+    // stretch has fewer than 2^16 pixels.
     let (mut saturated, mut black_clipped) = (0u16, 0u16);
     for pixel in pixels {
         saturated += u16::from(pixel.iter().fold(false, |any, &code| any | (code >= saturation_code)));
@@ -164,7 +165,8 @@ fn decode_codes_body<const CHANNELS: usize>(
     PixelCounts { saturated: saturated.into(), black_clipped: black_clipped.into(), ..PixelCounts::default() }
 }
 
-/// Raw codes of one pixel of every pair (`place` 0 or 1) to radiance: a row of a mosaic has two colours in turn.
+/// Raw codes of one pixel of every pair (`place` 0 or 1) to radiance: a row of a mosaic has two colours in
+/// turn.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn decode_codes_of_pairs(
     pairs: &[[u16; 2]],

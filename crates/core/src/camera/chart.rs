@@ -50,8 +50,8 @@ const DEPTH_MAX: u32 = 12;
 ///
 /// The area between a smooth curve and its chord is 4/3 of the triangle with the curve's middle (the parabola
 /// through the three points), and a quarter of it remains with two chords. Near a pole the chart bends even
-/// straight lines, with a curvature of cot theta; the test measures it like any other. At a pole itself phi has
-/// no value: the curve arrives there with the phi that it has just before.
+/// straight lines, with a curvature of cot theta; the test measures it like any other. At a pole itself phi
+/// has no value: the curve arrives there with the phi that it has just before.
 pub(super) fn append_curve(
     points: &mut Vec<ChartPoint>,
     start: SkyPoint,
@@ -104,8 +104,8 @@ fn refine(
     }
 }
 
-/// Closes a loop of unwrapped points whose boundary runs with the region's area positive (`integral z dphi` > 0).
-/// A loop that winds once round contains a pole and is closed along z = 1 (phi decreasing) or z = -1.
+/// Closes a loop of unwrapped points whose boundary runs with the region's area positive (`integral z dphi` >
+/// 0). A loop that winds once round contains a pole and is closed along z = 1 (phi decreasing) or z = -1.
 pub(super) fn close_loop(points: &mut Vec<ChartPoint>) {
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
     let end = last[0] + turn_rad(last[0], first[0]);

@@ -6,14 +6,14 @@ const ELEMENT_MAX: f64 = 1e6;
 
 /// Linear Rec. 709 from the colours of a sensor; a white balance is its diagonal.
 ///
-/// It is applied to the map, after the area weights: both are linear, so it is as if every pixel had all three colours
-/// and went through it by itself.
+/// It is applied to the map, after the area weights: both are linear, so it is as if every pixel had all
+/// three colours and went through it by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColourMatrix(DMat3);
 
 impl ColourMatrix {
-    /// Checks a matrix, given in rows: row 0 makes red of the sensor's red, green and blue. A singular one is allowed
-    /// (three equal rows give grey).
+    /// Checks a matrix, given in rows: row 0 makes red of the sensor's red, green and blue. A singular one is
+    /// allowed (three equal rows give grey).
     ///
     /// # Errors
     /// `Usage` for elements that are not finite or beyond 1e6.
@@ -28,8 +28,8 @@ impl ColourMatrix {
         Ok(Self(DMat3::from_cols_array_2d(&rows).transpose()))
     }
 
-    /// Rec. 709 of finite sensor colours. A colour outside of Rec. 709's gamut has a component below zero, which
-    /// becomes 0: no light can be negative.
+    /// Rec. 709 of finite sensor colours. A colour outside of Rec. 709's gamut has a component below zero,
+    /// which becomes 0: no light can be negative.
     pub(super) fn rec709(&self, sensor: DVec3) -> DVec3 {
         (self.0 * sensor).max(DVec3::ZERO)
     }

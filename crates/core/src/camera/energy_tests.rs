@@ -1,4 +1,5 @@
-//! Energy and constancy through response, lens and polar map (METHODS section 4), by random suns and rotations.
+//! Energy and constancy through response, lens and polar map (METHODS section 4), by random suns and
+//! rotations.
 
 use super::{FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel};
 use crate::image::{Frame, Pixels, PolarMap, PolarShape, Stamp};

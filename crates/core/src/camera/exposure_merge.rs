@@ -1,10 +1,11 @@
 //! Merges frames of one scene, taken at several exposure times, into radiance.
 //!
-//! Each sample of each exposure is an estimate of the radiance, `L = R(code) / t` with the response R (radiance at 1 s),
-//! and counts by one over its variance: noise of the code at the slope of the response, and photon noise, which grows
-//! with the signal (Kirk and Andersen 2006, *Noise Characterization of Weighting Schemes for Combination of Multiple
-//! Exposures*; Hasinoff, Durand and Freeman 2010). Clipped samples do not count, and the last twentieth of the codes
-//! below saturation fades out, so that no seam shows where the longest exposure saturates.
+//! Each sample of each exposure is an estimate of the radiance, `L = R(code) / t` with the response R
+//! (radiance at 1 s), and counts by one over its variance: noise of the code at the slope of the response,
+//! and photon noise, which grows with the signal (Kirk and Andersen 2006, *Noise Characterization of
+//! Weighting Schemes for Combination of Multiple Exposures*; Hasinoff, Durand and Freeman 2010). Clipped
+//! samples do not count, and the last twentieth of the codes below saturation fades out, so that no seam
+//! shows where the longest exposure saturates.
 //!
 //! All of this depends on exposure and code only: one look-up gives weight and weighted radiance.
 
@@ -15,8 +16,8 @@ use super::Response;
 use crate::error::{Error, Result};
 use crate::image::{Frame, Pixels};
 
-/// Noise of a sensor, from which the weights follow. They need not be exact: what is merged are estimates of the same
-/// radiance.
+/// Noise of a sensor, from which the weights follow. They need not be exact: what is merged are estimates of
+/// the same radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorNoise {
     /// Standard deviation of a code: read noise and rounding, > 0.
@@ -32,16 +33,16 @@ impl Default for SensorNoise {
     }
 }
 
-/// Pixels that no exposure could measure. A pixel of three channels counts where any of them is affected, in the first
-/// of these lines that fits.
+/// Pixels that no exposure could measure. A pixel of three channels counts where any of them is affected, in
+/// the first of these lines that fits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MergeCounts {
     /// Saturated in the shortest exposure; they have the radiance at which that saturates.
     pub saturated: u64,
     /// Black in the longest exposure; they have the radiance up to which that is black.
     pub black_clipped: u64,
-    /// Saturated in some exposures and black in the next shorter one: the steps are too large. They have the geometric
-    /// mean of the two limits, or the first limit where the second is 0.
+    /// Saturated in some exposures and black in the next shorter one: the steps are too large. They have the
+    /// geometric mean of the two limits, or the first limit where the second is 0.
     pub between: u64,
 }
 
@@ -108,8 +109,8 @@ impl ExposureMerge {
     /// Makes the tables for exposure times in s, in the order in which the camera cycles through them.
     ///
     /// # Errors
-    /// `Usage`: the identity as response, fewer than 2 exposures or more than 64, times that are not positive numbers
-    /// or twice the same, radiances that no f32 holds, noise that is not positive.
+    /// `Usage`: the identity as response, fewer than 2 exposures or more than 64, times that are not positive
+    /// numbers or twice the same, radiances that no f32 holds, noise that is not positive.
     pub fn new(response: &Response, exposures_s: &[f64], noise: &SensorNoise) -> Result<Self> {
         if response.is_identity() {
             return Err(Error::usage(
@@ -182,8 +183,8 @@ impl ExposureMerge {
     /// Adds the frame of the exposure with this index. The first frame of a cycle sets its size.
     ///
     /// # Errors
-    /// `BadFrame`, after which the cycle goes on without the frame: radiance instead of codes, a mosaic, another size than the
-    /// cycle's, an exposure that is not one of this cycle or was added before.
+    /// `BadFrame`, after which the cycle goes on without the frame: radiance instead of codes, a mosaic,
+    /// another size than the cycle's, an exposure that is not one of this cycle or was added before.
     pub fn add(&mut self, frame: &Frame, exposure: usize) -> Result<()> {
         let Pixels::Codes(codes) = &frame.pixels else {
             return Err(Error::bad_frame("holds radiance; exposures are merged from raw codes"));
@@ -236,12 +237,13 @@ impl ExposureMerge {
         self.is_added.fill(false);
     }
 
-    /// Writes the merged frame: radiance at an exposure of 1 s, finite and not negative, in the unit of the response. What
-    /// was saturated in the shortest exposure has the frame's `saturation`.
-    /// The buffer is reused when it fits; the stamp is left as it is. The next `add` begins a new cycle.
+    /// Writes the merged frame: radiance at an exposure of 1 s, finite and not negative, in the unit of the
+    /// response. What was saturated in the shortest exposure has the frame's `saturation`. The buffer is
+    /// reused when it fits; the stamp is left as it is. The next `add` begins a new cycle.
     ///
     /// # Errors
-    /// `BadFrame`, naming the exposures that are missing; the cycle's frames are forgotten and `frame` is unchanged.
+    /// `BadFrame`, naming the exposures that are missing; the cycle's frames are forgotten and `frame` is
+    /// unchanged.
     pub fn finish(&mut self, frame: &mut Frame) -> Result<MergeCounts> {
         if self.is_added.contains(&false) {
             let missing: Vec<usize> = (0..self.is_added.len()).filter(|&at| !self.is_added[at]).collect();

@@ -3,9 +3,9 @@
 //! Neighbouring pixels share the polyline of the edge between them, so the polygons tile the field of view
 //! without gaps or overlaps. A pixel that the rim of the lens cuts is closed along the rim.
 //!
-//! Of a mosaic, the pixels of one place in its period of two columns and rows have the area of four about their own
-//! centres, and so tile the field of view by themselves. Those at the border of the frame end with it, on whichever side
-//! of it the four would: all places see the same field.
+//! Of a mosaic, the pixels of one place in its period of two columns and rows have the area of four about
+//! their own centres, and so tile the field of view by themselves. Those at the border of the frame end with
+//! it, on whichever side of it the four would: all places see the same field.
 
 #[cfg(test)]
 mod tests;
@@ -15,8 +15,8 @@ use super::{Lens, Projection};
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Area between an edge and its polyline, relative to a pixel. Four edges bound the error of a pixel's power by
-/// 1.2e-4; opposite edges err alike, which leaves far less.
+/// Area between an edge and its polyline, relative to a pixel. Four edges bound the error of a pixel's power
+/// by 1.2e-4; opposite edges err alike, which leaves far less.
 const EDGE_TOLERANCE: f64 = 3e-5;
 
 /// Frames with a side below this are walked in a finer lattice, so that every polygon is small against the
@@ -77,8 +77,8 @@ impl<'a> Footprints<'a> {
         Self { projection, world_from_camera, place: None, subdivision: 1, theta_rad: 0.0 }.subdivided()
     }
 
-    /// Only every second column and row, from a place in the period of a mosaic on: the pixels of a picture of half the
-    /// size. Width and height of the projection, a fisheye, are even.
+    /// Only every second column and row, from a place in the period of a mosaic on: the pixels of a picture
+    /// of half the size. Width and height of the projection, a fisheye, are even.
     pub(super) fn of_place(projection: &'a Projection, world_from_camera: DMat3, place: [usize; 2]) -> Self {
         Self { place: Some(place), ..Self::new(projection, world_from_camera) }.subdivided()
     }
@@ -94,8 +94,8 @@ impl<'a> Footprints<'a> {
         [self.projection.width() / per_period, self.projection.height() / per_period]
     }
 
-    /// Calls `visit(row, column, polygon)` for every piece of every pixel that is seen, row by row; a pixel of
-    /// a small frame comes in several pieces.
+    /// Calls `visit(row, column, polygon)` for every piece of every pixel that is seen, row by row; a pixel
+    /// of a small frame comes in several pieces.
     pub(super) fn for_each(&mut self, mut visit: impl FnMut(usize, usize, &[ChartPoint])) {
         let [columns, rows] = self.size().map(|side| side * self.subdivision);
         let (mut above, mut below, mut upright) =
@@ -223,8 +223,8 @@ impl<'a> Footprints<'a> {
         theta_rad.sin() * step * TAU / (self.projection.width() * self.subdivision) as f64
     }
 
-    /// The closed outline of a lattice cell: above, right, below backwards, left backwards; between parts that
-    /// the rim cuts off, an arc of the rim.
+    /// The closed outline of a lattice cell: above, right, below backwards, left backwards; between parts
+    /// that the rim cuts off, an arc of the rim.
     fn outline(
         &self,
         cell: [usize; 2],
@@ -312,9 +312,9 @@ impl<'a> Footprints<'a> {
     }
 }
 
-/// Frame position, along one side of `count` pixels, of a position in the picture of every second pixel from `first`
-/// on: its pixels reach from half a pixel before the pixels that they stand for to half a pixel behind the next one, the
-/// outermost to the border of the frame.
+/// Frame position, along one side of `count` pixels, of a position in the picture of every second pixel from
+/// `first` on: its pixels reach from half a pixel before the pixels that they stand for to half a pixel
+/// behind the next one, the outermost to the border of the frame.
 fn position_of_place(position: f64, first: usize, count: usize) -> f64 {
     let last = count / 2;
     let border = |pixel: usize| match pixel {
@@ -326,7 +326,8 @@ fn position_of_place(position: f64, first: usize, count: usize) -> f64 {
     border(pixel) + (position - pixel as f64) * (border(pixel + 1) - border(pixel))
 }
 
-/// Appends a polyline without changing its turns: its first point is unwrapped against the last of the polygon.
+/// Appends a polyline without changing its turns: its first point is unwrapped against the last of the
+/// polygon.
 fn append_polyline(polygon: &mut Vec<ChartPoint>, points: &[ChartPoint], backwards: bool) {
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
     let start = if backwards { last } else { first };
@@ -345,7 +346,8 @@ fn append_polyline(polygon: &mut Vec<ChartPoint>, points: &[ChartPoint], backwar
     }
 }
 
-/// The part of an edge of a pixel, which runs along x or y, inside the rim: a segment meets a disc in one piece.
+/// The part of an edge of a pixel, which runs along x or y, inside the rim: a segment meets a disc in one
+/// piece.
 fn part_inside(lens: &Lens, from: DVec2, to: DVec2) -> Option<[f64; 2]> {
     let (a, b) = (lens.normalized(from), lens.normalized(to));
     let along_x = from.y == to.y;

@@ -1,13 +1,13 @@
 //! Frame to polar map by exact area weights, METHODS section 4.
 //!
-//! Map pixel i has the radiance `sum_j (overlap_ij / Omega_i) L_j` over the frame's pixels j, with the overlap
-//! and the map pixel's `Omega_i` in solid angle: constant frames give constant maps, and the map's power is the
-//! frame's. The overlaps are those of polygons that tile the field of view (`footprints`), in the equal-area
-//! cylinder where map pixels are rectangles (`overlap`).
+//! Map pixel i has the radiance `sum_j (overlap_ij / Omega_i) L_j` over the frame's pixels j, with the
+//! overlap and the map pixel's `Omega_i` in solid angle: constant frames give constant maps, and the map's
+//! power is the frame's. The overlaps are those of polygons that tile the field of view (`footprints`), in
+//! the equal-area cylinder where map pixels are rectangles (`overlap`).
 //!
 //! A frame is streamed once, in bands of rows that are turned into radiance in a buffer that stays in the
-//! second-level cache (`area_matrix`). A mosaic is not demosaiced: its pixels of one place make a picture of their own
-//! (`mosaic`), and every colour comes straight from the pixels that saw it.
+//! second-level cache (`area_matrix`). A mosaic is not demosaiced: its pixels of one place make a picture of
+//! their own (`mosaic`), and every colour comes straight from the pixels that saw it.
 
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes, decode_radiance};
@@ -30,7 +30,8 @@ pub struct FrameToPolar {
     rec709_from_sensor: Option<ColourMatrix>,
     /// Radiance of the current band, one plane per channel of the frame.
     radiance: Vec<f32>,
-    /// Map under construction, one plane per channel. In f64: a map pixel may be the sum of thousands of parts.
+    /// Map under construction, one plane per channel. In f64: a map pixel may be the sum of thousands of
+    /// parts.
     sums: Vec<f64>,
 }
 
@@ -55,9 +56,9 @@ impl FrameToPolar {
         Ok(Self::with_weights(projection, shape, Weights::Whole(Box::new(matrix)), &coverage_sr))
     }
 
-    /// The same for frames of a mosaic sensor, whose codes have one colour a pixel. A pixel of the frame stands for the
-    /// four pixels' area about its own centre, so the colours lie where they were seen, not half a pixel apart; the
-    /// two greens count half each.
+    /// The same for frames of a mosaic sensor, whose codes have one colour a pixel. A pixel of the frame
+    /// stands for the four pixels' area about its own centre, so the colours lie where they were seen, not
+    /// half a pixel apart; the two greens count half each.
     ///
     /// # Errors
     /// As [`Self::new`]; and `Usage` for a lat-long picture and for an odd number of columns or rows.
@@ -103,9 +104,9 @@ impl FrameToPolar {
         self.shape
     }
 
-    /// Fraction of every map pixel's solid angle that the frame sees, row-major. Where it is below 1, at the rim
-    /// of the lens, the map is dimmer by as much: the energy is kept, not made up. It is
-    /// the same for all colours of a mosaic.
+    /// Fraction of every map pixel's solid angle that the frame sees, row-major. Where it is below 1, at the
+    /// rim of the lens, the map is dimmer by as much: the energy is kept, not made up. It is the same for all
+    /// colours of a mosaic.
     pub fn coverage(&self) -> &[f32] {
         &self.coverage
     }
@@ -120,15 +121,16 @@ impl FrameToPolar {
 
     /// Fills `map` from a frame of raw codes (through the response) or of linear radiance (as it is: the
     /// response is for codes) and gives it the frame's stamp. One channel fills all three. Returns the counts
-    /// of the pixels that hold no radiance, among those that the map sees; every pixel of a mosaic counts once.
+    /// of the pixels that hold no radiance, among those that the map sees; every pixel of a mosaic counts
+    /// once.
     ///
     /// Rounding stays below 1e-5 of every map pixel: weights and radiances are rounded once to f32, the sum
-    /// of a map pixel's part in a band 70 times at most, and those are added in f64; relative to the colours before
-    /// the colour matrix, if there is one. Allocates only when `map` has another shape.
+    /// of a map pixel's part in a band 70 times at most, and those are added in f64; relative to the colours
+    /// before the colour matrix, if there is one. Allocates only when `map` has another shape.
     ///
     /// # Errors
-    /// `BadFrame`, naming what the frame has and what the calibration wants: size, channels, mosaic, samples, codes
-    /// without a response, and a colour matrix for frames without colours.
+    /// `BadFrame`, naming what the frame has and what the calibration wants: size, channels, mosaic, samples,
+    /// codes without a response, and a colour matrix for frames without colours.
     pub fn apply(&mut self, frame: &Frame, response: &Response, map: &mut PolarMap) -> Result<PixelCounts> {
         self.check_frame(frame, response)?;
         let lookup = response.lookup();

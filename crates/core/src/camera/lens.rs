@@ -1,8 +1,9 @@
-//! Kannala-Brandt 2004 fisheye lens, METHODS section 3 (the form of OpenCV `fisheye` and Kalibr `equidistant`).
+//! Kannala-Brandt 2004 fisheye lens, METHODS section 3 (the form of OpenCV `fisheye` and Kalibr
+//! `equidistant`).
 //!
-//! `pixel = (cx + fx r(theta) cos psi, cy + fy r(theta) sin psi)` with theta the angle from the optical axis and
-//! psi the angle about it, from +X (right) towards +Y (down). Pixel coordinates have half-pixel centres: the
-//! centre of the first pixel is (0.5, 0.5).
+//! `pixel = (cx + fx r(theta) cos psi, cy + fy r(theta) sin psi)` with theta the angle from the optical axis
+//! and psi the angle about it, from +X (right) towards +Y (down). Pixel coordinates have half-pixel centres:
+//! the centre of the first pixel is (0.5, 0.5).
 
 use super::radial_polynomial::RadialPolynomial;
 use crate::error::{Error, Result};
@@ -31,10 +32,10 @@ pub struct LensParameters {
 }
 
 impl LensParameters {
-    /// The field of view of a calibration that declares none, in radians (full angle), and in words how far it
-    /// reaches: up to the angle at which r stops increasing, or to the farthest corner of the image, whichever comes
-    /// first, so that no pixel of the image is cut away; at most the full sphere. [`Self::field_of_view_rad`] is
-    /// ignored.
+    /// The field of view of a calibration that declares none, in radians (full angle), and in words how far
+    /// it reaches: up to the angle at which r stops increasing, or to the farthest corner of the image,
+    /// whichever comes first, so that no pixel of the image is cut away; at most the full sphere.
+    /// [`Self::field_of_view_rad`] is ignored.
     pub fn default_field_of_view(&self) -> (f64, &'static str) {
         let polynomial = RadialPolynomial { k: self.k };
         let turning_rad = polynomial.turning_angle_rad();
@@ -75,9 +76,9 @@ impl Lens {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// `Usage`, naming the parameter: a size of 0 or over 65,535, a focal length that is not positive, anything
-    /// that is not finite or beyond what a lens can have, and coefficients with which r stops increasing inside
-    /// the field of view, with the angle.
+    /// `Usage`, naming the parameter: a size of 0 or over 65,535, a focal length that is not positive,
+    /// anything that is not finite or beyond what a lens can have, and coefficients with which r stops
+    /// increasing inside the field of view, with the angle.
     pub fn new(parameters: LensParameters) -> Result<Self> {
         let LensParameters { width, height, fx, fy, cx, cy, k, field_of_view_rad } = parameters;
         for (name, value) in [("width", width), ("height", height)] {
@@ -143,8 +144,8 @@ impl Lens {
     }
 
     /// Pixel (half-pixel centres) of a direction of any positive length in the camera frame: +Z the axis, +X
-    /// right, +Y down. `None` outside the field of view and for the zero vector; the pixel may lie outside the
-    /// image. The direction opposite to the axis, where psi is undefined, goes to psi = 0.
+    /// right, +Y down. `None` outside the field of view and for the zero vector; the pixel may lie outside
+    /// the image. The direction opposite to the axis, where psi is undefined, goes to psi = 0.
     pub fn project(&self, direction_camera: DVec3) -> Option<DVec2> {
         let across = direction_camera.x.hypot(direction_camera.y);
         let theta_rad = across.atan2(direction_camera.z);

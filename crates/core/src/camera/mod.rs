@@ -1,5 +1,5 @@
-//! What a camera's frame goes through: response, lens, the merge of exposures, and the matrix from frame to polar
-//! map.
+//! What a camera's frame goes through: response, lens, the merge of exposures, and the matrix from frame to
+//! polar map.
 //!
 //! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is
 //! right-handed with +Y up (METHODS section 1). Pixel coordinates have half-pixel centres.

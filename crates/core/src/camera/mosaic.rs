@@ -1,10 +1,11 @@
 //! The four pictures in a frame of a mosaic sensor.
 //!
-//! The pixels of one place in the mosaic's period of two columns and rows make a picture of their own, half as wide
-//! and high. Its pixels have the area of four and the centre of the one that saw the light, so every picture tiles the
-//! field of view: constants and power are kept colour by colour, and no colour is moved against another. A picture of
-//! pixels that begin where the period begins would move it by half a pixel of the frame.
-//! At the border of the frame the pixels are cut or drawn out, so that all four pictures see the same field.
+//! The pixels of one place in the mosaic's period of two columns and rows make a picture of their own, half
+//! as wide and high. Its pixels have the area of four and the centre of the one that saw the light, so every
+//! picture tiles the field of view: constants and power are kept colour by colour, and no colour is moved
+//! against another. A picture of pixels that begin where the period begins would move it by half a pixel of
+//! the frame. At the border of the frame the pixels are cut or drawn out, so that all four pictures see the
+//! same field.
 
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes_of_pairs};
@@ -36,8 +37,8 @@ struct Plane {
 }
 
 impl Mosaic {
-    /// Computes the weights; projection, rotation and map have been checked. What the frame sees of every
-    /// map pixel, with each of its colours, is added to `coverage_sr`.
+    /// Computes the weights; projection, rotation and map have been checked. What the frame sees of every map
+    /// pixel, with each of its colours, is added to `coverage_sr`.
     pub(super) fn new(
         projection: &Projection,
         bayer: Bayer,
@@ -94,7 +95,8 @@ impl Mosaic {
     ) -> PixelCounts {
         let cells = sums.len() / 3;
         let mut counts = PixelCounts::default();
-        // The four have bands alike. Band by band, so that the frame comes from memory once and not for every colour.
+        // The four have bands alike. Band by band, so that the frame comes from memory once and not for every
+        // colour.
         for band in 0..self.planes[0].matrix.band_count() {
             for plane in &self.planes {
                 let first_pixel = plane.matrix.first_pixel(band);

@@ -155,9 +155,9 @@ fn a_smooth_scene_is_that_of_a_frame_with_all_colours() {
     };
     let mut matrix = FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).unwrap();
     let expected = apply(&mut matrix, &full_colour(&lens, code));
-    // A pixel is taken for its centre: wrong by at most the way to its corner, 1.5 pixels along both sides in a mosaic
-    // (at the border of the frame, 1 elsewhere), 0.5 otherwise. A step of a pixel turns by 1 / f at most. A code is
-    // rounded by half.
+    // A pixel is taken for its centre: wrong by at most the way to its corner, 1.5 pixels along both sides in
+    // a mosaic (at the border of the frame, 1 elsewhere), 0.5 otherwise. A step of a pixel turns by 1 / f at
+    // most. A code is rounded by half.
     let bound = (1.5 + 0.5) * 2f64.sqrt() / lens.parameters().fx + 1.0 / 4096.0;
     for bayer in PATTERNS {
         let map = apply(&mut of_mosaic(&lens, bayer, LOOKING_UP, shape), &mosaic(&lens, bayer, code));
@@ -194,8 +194,9 @@ fn a_small_disc_stands_in_one_direction_in_all_colours() {
         let mut matrix = of_mosaic(&lens, bayer, LOOKING_UP, shape);
         for centre in [(180.0, 200.0), (333.5, 200.5), (180.3, 341.9), (341.75, 320.25)] {
             let centre = DVec2::from(centre);
-            // A soft disc of 8 pixels' radius: the centroid of its samples, every second pixel, is right within
-            // 0.0013 pixels (a sum over the samples alone, without lens and map), that of a hard one is not.
+            // A soft disc of 8 pixels' radius: the centroid of its samples, every second pixel, is right
+            // within 0.0013 pixels (a sum over the samples alone, without lens and map), that of a hard one
+            // is not.
             let disc = |_, [x, y]: [usize; 2]| {
                 let away = (DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - centre).length() / 8.0;
                 if away < 1.0 { (15_000.0 * (1.0 + (PI * away).cos()).powi(2)) as u16 } else { 0 }
@@ -219,7 +220,8 @@ fn a_small_disc_stands_in_one_direction_in_all_colours() {
     println!("disc: colours within {between:.4} px of each other, within {off:.4} px of its centre");
     // Pixels that begin with the mosaic's period put red and blue 2^0.5 pixels from each other.
     assert!(between < 0.01, "{between} px");
-    // The solid angle of a pixel falls from the inner to the outer side of the disc, which pulls its mean inwards.
+    // The solid angle of a pixel falls from the inner to the outer side of the disc, which pulls its mean
+    // inwards.
     assert!(off < 0.02, "{off} px");
 }
 

@@ -26,8 +26,8 @@ impl OverlapGrid {
     }
 
     /// Calls `emit(cell, solid_angle_sr)` for every pixel of the map that a closed polygon (first point =
-    /// last point, `integral z dphi` positive) overlaps, and returns the polygon's solid angle, 0
-    /// where the map has none of it.
+    /// last point, `integral z dphi` positive) overlaps, and returns the polygon's solid angle, 0 where the
+    /// map has none of it.
     ///
     /// Green's theorem cell by cell: the overlap with a cell between z_low and z_high is the integral of
     /// `clamp(z, z_low, z_high) - z_low` over the boundary's dphi inside the cell's columns. Every boundary

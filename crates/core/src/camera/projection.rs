@@ -5,15 +5,15 @@ use crate::math::direction;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// `world_from_camera` of a camera on its back, the default for a fisheye: x (right) to +X, y (down) to -Z,
-/// z (the optical axis) to +Y.
+/// `world_from_camera` of a camera on its back, the default for a fisheye: x (right) to +X, y (down) to -Z, z
+/// (the optical axis) to +Y.
 pub const LOOKING_UP: DMat3 = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
 
 /// How a frame's pixels lie on the sphere of directions, in the camera frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
-    /// Lat-long picture in OpenEXR's orientation: image centre +Z, left of centre +X, top row +Y; its "camera"
-    /// frame is +Y up, so the identity as `world_from_camera` leaves it upright.
+    /// Lat-long picture in OpenEXR's orientation: image centre +Z, left of centre +X, top row +Y; its
+    /// "camera" frame is +Y up, so the identity as `world_from_camera` leaves it upright.
     LatLong {
         /// Columns over the full turn.
         width: usize,

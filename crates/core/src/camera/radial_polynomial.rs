@@ -51,8 +51,8 @@ impl RadialPolynomial {
             let next = if newton >= low && newton <= high { newton } else { 0.5 * (low + high) };
             let step = (next - theta).abs();
             theta = next;
-            // Newton squares its error times r'' / 2 r', which is 1e6 at most (see the default field of view):
-            // what is left after this step is below 1e-16.
+            // Newton squares its error times r'' / 2 r', which is 1e6 at most (see the default field of
+            // view): what is left after this step is below 1e-16.
             if step <= 1e-11 {
                 break;
             }
@@ -61,9 +61,9 @@ impl RadialPolynomial {
     }
 }
 
-/// The smallest x in (0, x_max] at which the polynomial `sum c_i x^i` is not positive, given c_0 > 0.
-/// Between neighbouring extrema a polynomial is monotonic, so its sign there and bisection between them find
-/// every root; the extrema are the roots of the derivative, found in the same way.
+/// The smallest x in (0, x_max] at which the polynomial `sum c_i x^i` is not positive, given c_0 > 0. Between
+/// neighbouring extrema a polynomial is monotonic, so its sign there and bisection between them find every
+/// root; the extrema are the roots of the derivative, found in the same way.
 fn smallest_non_positive(coefficients: &[f64], x_max: f64) -> Option<f64> {
     roots(coefficients, x_max)
         .into_iter()

@@ -78,8 +78,8 @@ impl Response {
     /// Checks a model and builds its table.
     ///
     /// # Errors
-    /// `Usage`, naming the key: numbers that are not finite, slopes that are not positive, clip codes or knees
-    /// out of order, and models whose largest radiance no f32 holds.
+    /// `Usage`, naming the key: numbers that are not finite, slopes that are not positive, clip codes or
+    /// knees out of order, and models whose largest radiance no f32 holds.
     pub fn new(model: ResponseModel) -> Result<Self> {
         let (black_clip_code, saturation_code) = match &model {
             ResponseModel::Identity => return Ok(Self::default()),

@@ -58,8 +58,8 @@ impl fmt::Display for Bayer {
     }
 }
 
-/// One picture from a source: 1 channel (luminance, or a mosaic of colours) or 3 (linear RGB).
-/// Rendered pictures that are written may have a fourth, alpha, by which the others are multiplied.
+/// One picture from a source: 1 channel (luminance, or a mosaic of colours) or 3 (linear RGB). Rendered
+/// pictures that are written may have a fourth, alpha, by which the others are multiplied.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Time and place in the sequence.

@@ -13,21 +13,23 @@ pub struct PolarShape {
 }
 
 impl PolarShape {
-    /// Most pixels along a side. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses slips of the
-    /// finger before they ask for all memory.
+    /// Most pixels along a side. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses slips
+    /// of the finger before they ask for all memory.
     pub const MAX_SIDE_PX: usize = 16_384;
     /// Most pixels in all: 1.5 GiB of radiance. Numbers of pixels stay far inside u32.
     pub const MAX_PIXELS: usize = 1 << 27;
-    /// The lowest rim in degrees. Rows are told apart by the cosine of their angles in f64: at this limit 90 rows still
-    /// have their solid angles within 1e-6. Directions are unit vectors in f32, good to 1e-7: in a narrower map they
-    /// would lie on a raster of less than ten thousand steps.
+    /// The lowest rim in degrees. Rows are told apart by the cosine of their angles in f64: at this limit 90
+    /// rows still have their solid angles within 1e-6. Directions are unit vectors in f32, good to 1e-7: in a
+    /// narrower map they would lie on a raster of less than ten thousand steps.
     pub const LEAST_THETA_MAX_DEG: f64 = 0.1;
 
-    /// A map of so many azimuth steps over the full turn and so many polar-angle steps from the pole to `theta_max_rad`.
+    /// A map of so many azimuth steps over the full turn and so many polar-angle steps from the pole to
+    /// `theta_max_rad`.
     ///
     /// # Errors
-    /// `Usage`, naming `columns`, `rows` or `theta_max_deg`: sides of 0 or more than [`Self::MAX_SIDE_PX`] pixels, more
-    /// than [`Self::MAX_PIXELS`] in all, a rim above [`Self::LEAST_THETA_MAX_DEG`] or beyond 180 degrees.
+    /// `Usage`, naming `columns`, `rows` or `theta_max_deg`: sides of 0 or more than [`Self::MAX_SIDE_PX`]
+    /// pixels, more than [`Self::MAX_PIXELS`] in all, a rim above [`Self::LEAST_THETA_MAX_DEG`] or beyond 180
+    /// degrees.
     pub fn new(columns: usize, rows: usize, theta_max_rad: f64) -> Result<Self> {
         for (name, side_px) in [("columns", columns), ("rows", rows)] {
             if !(1..=Self::MAX_SIDE_PX).contains(&side_px) {

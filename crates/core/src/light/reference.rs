@@ -135,8 +135,8 @@ impl Tables {
         let is_pixel = rows.len() == 1 && columns.len() == 1;
         let side_rad = height_rad.max(width_rad);
         if is_pixel || flux * side_rad * side_rad.sqrt() <= TOLERANCE * total {
-            // |V|^2 = F^2 (1 - s^2), s^2 the flux's variance over both tangential axes; an even spread of variance
-            // s^2 / 2 on one axis is sqrt(3 s^2 / 2) to either side.
+            // |V|^2 = F^2 (1 - s^2), s^2 the flux's variance over both tangential axes; an even spread of
+            // variance s^2 / 2 on one axis is sqrt(3 s^2 / 2) to either side.
             let variance = if is_pixel { 0.0 } else { (flux * flux - vector.length_squared()).max(0.0) };
             contributions.push(Contribution::new(vector.as_vec3(), (1.5 * variance).sqrt() as f32));
             return;

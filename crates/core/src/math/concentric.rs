@@ -4,8 +4,8 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// Point `[r, phi]` of the unit disc, r in [0, 1] and phi in [0, 2 pi), for a point of the unit square.
 ///
-/// The map keeps ratios of areas, is continuous with its inverse, and turns concentric squares into concentric
-/// circles. Coordinates are clamped to the square; NaN counts as 0.
+/// The map keeps ratios of areas, is continuous with its inverse, and turns concentric squares into
+/// concentric circles. Coordinates are clamped to the square; NaN counts as 0.
 pub fn disc_from_square(u: [f64; 2]) -> [f64; 2] {
     let [a, b] = u.map(|x| 2.0 * clamped(x, 1.0) - 1.0);
     let (r, phi) = if a.abs() > b.abs() {

@@ -1,27 +1,29 @@
 //! The cells of a cube map: a table over all directions that a few comparisons and one division address.
 //!
-//! Faces, their order and their axes are those of Vulkan and WebGPU (Vulkan specification, "Cube Map Face Selection"):
+//! Faces, their order and their axes are those of Vulkan and WebGPU (Vulkan specification, "Cube Map Face
+//! Selection"):
 //!
 //! | face | 0 (+X) | 1 (-X) | 2 (+Y) | 3 (-Y) | 4 (+Z) | 5 (-Z) |
 //! |---|---|---|---|---|---|---|
 //! | a | -z | +z | +x | +x | +x | -x |
 //! | b | -y | -y | +z | -z | -y | -y |
 //!
-//! The face is that of the coordinate m of largest magnitude; of equal ones z goes before y, and y before x. A face
-//! has `side` x `side` cells of equal width in `a / |m|` and `b / |m|`, from -1 to 1: columns along a, rows along b.
-//! The cell in `row` and `column` of `face` has the index `(face side + row) side + column`.
+//! The face is that of the coordinate m of largest magnitude; of equal ones z goes before y, and y before x.
+//! A face has `side` x `side` cells of equal width in `a / |m|` and `b / |m|`, from -1 to 1: columns along a,
+//! rows along b. The cell in `row` and `column` of `face` has the index `(face side + row) side + column`.
 
 use glam::DVec3;
 
 /// Coordinates of largest magnitude below this count as this: a vector that is zero has a cell too.
 const LEAST_MAJOR: f32 = 1e-30;
 
-/// Index of the cell that holds a vector of any length, in a cube map of `side` x `side` cells a face (`side` at
-/// least 1): below `6 side^2` for every input.
+/// Index of the cell that holds a vector of any length, in a cube map of `side` x `side` cells a face (`side`
+/// at least 1): below `6 side^2` for every input.
 ///
-/// The zero vector lies in the middle of face 4 (+Z), in row and column `side / 2`. Vectors with a coordinate that is
-/// infinite or NaN have some cell, always the same one on the CPU. Rounding puts a direction beside its cell by at most
-/// 5e-7 rad, also where a GPU divides to 2.5 units in the last place. Shaders repeat this function line by line.
+/// The zero vector lies in the middle of face 4 (+Z), in row and column `side / 2`. Vectors with a coordinate
+/// that is infinite or NaN have some cell, always the same one on the CPU. Rounding puts a direction beside
+/// its cell by at most 5e-7 rad, also where a GPU divides to 2.5 units in the last place. Shaders repeat this
+/// function line by line.
 #[inline]
 pub fn cube_cell(direction: [f32; 3], side: u32) -> u32 {
     let [x, y, z] = direction;
@@ -74,8 +76,8 @@ mod tests {
 
     #[test]
     fn faces_and_axes_are_those_of_vulkan() {
-        // A vector a little off the middle of its face, towards growing a by 0.6 and growing b by 0.1; of 4 x 4
-        // cells that is column 3, row 2.
+        // A vector a little off the middle of its face, towards growing a by 0.6 and growing b by 0.1; of 4 x
+        // 4 cells that is column 3, row 2.
         for (face, v) in [
             [1.0, -0.1, -0.6],
             [-1.0, -0.1, 0.6],

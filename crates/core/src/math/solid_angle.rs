@@ -1,8 +1,8 @@
 use std::f64::consts::TAU;
 
-/// Solid angle in steradians of the zone between two polar angles over a fraction of a turn:
-/// `(cos theta_0 - cos theta_1) 2 pi fraction`. Written as a product of sines, which keeps all digits for thin
-/// zones near the pole.
+/// Solid angle in steradians of the zone between two polar angles over a fraction of a turn: `(cos theta_0 -
+/// cos theta_1) 2 pi fraction`. Written as a product of sines, which keeps all digits for thin zones near the
+/// pole.
 #[inline]
 pub fn zone_solid_angle(theta_0_rad: f64, theta_1_rad: f64, fraction_of_turn: f64) -> f64 {
     2.0 * (0.5 * (theta_0_rad + theta_1_rad)).sin()

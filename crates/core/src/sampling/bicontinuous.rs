@@ -5,14 +5,15 @@ use std::f64::consts::TAU;
 
 /// The bicontinuous inverse transform of Havran et al. (2003, 2005), METHODS section 5.
 ///
-/// A point of the unit square goes by the concentric map to the disc, where `t = r^2` is uniform and chooses the
-/// height by the inverse of the radial CDF, and `phi_d / 2 pi` the azimuth by that of the ring at this height. Both
-/// are continuous in the point and in the map's values, so that a small change of the map moves samples little.
+/// A point of the unit square goes by the concentric map to the disc, where `t = r^2` is uniform and chooses
+/// the height by the inverse of the radial CDF, and `phi_d / 2 pi` the azimuth by that of the ring at this
+/// height. Both are continuous in the point and in the map's values, so that a small change of the map moves
+/// samples little.
 ///
-/// The density is the map interpolated linearly in z between row centres and constant beyond the first and the last.
-/// With the row integrals `T_i` and the *unnormalised* row CDFs `C_i(phi)`, at the part x of the way between two
-/// rows `T(x) = (1 - x) T_i + x T_(i+1)` and C likewise; normalising rows first would move power off a sun that
-/// is one row high.
+/// The density is the map interpolated linearly in z between row centres and constant beyond the first and
+/// the last. With the row integrals `T_i` and the *unnormalised* row CDFs `C_i(phi)`, at the part x of the
+/// way between two rows `T(x) = (1 - x) T_i + x T_(i+1)` and C likewise; normalising rows first would move
+/// power off a sun that is one row high.
 #[derive(Clone, Debug)]
 pub struct Bicontinuous {
     /// Nodes: the pole, the row centres, the rim.
@@ -24,8 +25,8 @@ pub struct Bicontinuous {
 }
 
 impl Bicontinuous {
-    /// A uniform distribution over rows with centres at `z_centres` (z = 1 - cos theta, ascending, within
-    /// (0, `z_max`)), each of `columns` equal steps in azimuth.
+    /// A uniform distribution over rows with centres at `z_centres` (z = 1 - cos theta, ascending, within (0,
+    /// `z_max`)), each of `columns` equal steps in azimuth.
     pub fn new(columns: usize, z_centres: &[f64], z_max: f64) -> Self {
         let nodes: Vec<f64> =
             std::iter::once(0.0).chain(z_centres.iter().copied()).chain(std::iter::once(z_max)).collect();
@@ -38,9 +39,9 @@ impl Bicontinuous {
         }
     }
 
-    /// Normalises every row's CDF before rows are interpolated, as in the papers: the azimuth at the part x of the way
-    /// between two rows then has the mean, with weights 1 - x and x, of their normalised distributions, however bright
-    /// each is; a dark row counts as uniform.
+    /// Normalises every row's CDF before rows are interpolated, as in the papers: the azimuth at the part x
+    /// of the way between two rows then has the mean, with weights 1 - x and x, of their normalised
+    /// distributions, however bright each is; a dark row counts as uniform.
     pub fn with_normalised_rows(self) -> Self {
         Self { is_normalised: true, ..self }
     }

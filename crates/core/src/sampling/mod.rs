@@ -1,9 +1,9 @@
-//! Where to take samples: low-discrepancy points, and distributions that turn them into directions
-//! (METHODS section 5).
+//! Where to take samples: low-discrepancy points, and distributions that turn them into directions (METHODS
+//! section 5).
 //!
-//! Two-dimensional distributions take rows of columns with equal steps in azimuth, as in a polar map, and know
-//! nothing else about it. A position is `[z, phi]` with `z = 1 - cos theta` in [0, z_max] and phi in [0, 2 pi), so
-//! that `dz dphi` is solid angle; row 0 lies at the pole. Every distribution has
+//! Two-dimensional distributions take rows of columns with equal steps in azimuth, as in a polar map, and
+//! know nothing else about it. A position is `[z, phi]` with `z = 1 - cos theta` in [0, z_max] and phi in [0,
+//! 2 pi), so that `dz dphi` is solid angle; row 0 lies at the pole. Every distribution has
 //!
 //! - `update(values)`: takes new densities per unit of its measure and allocates nothing;
 //! - `sample(u)`: the position for `u` in the unit interval or square, by the inverse of the CDF;

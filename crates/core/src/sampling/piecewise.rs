@@ -109,9 +109,9 @@ impl PiecewiseLinear {
 
     /// Position for `u` in [0, 1].
     ///
-    /// On a segment of width h whose ends have densities a and b, the integral up to the part x of the segment is
-    /// `c = h (a x + (b - a) x^2 / 2)`. Of the two forms of the root, the one with the square root in the
-    /// denominator has no cancellation and needs no case for a = b:
+    /// On a segment of width h whose ends have densities a and b, the integral up to the part x of the
+    /// segment is `c = h (a x + (b - a) x^2 / 2)`. Of the two forms of the root, the one with the square root
+    /// in the denominator has no cancellation and needs no case for a = b:
     ///
     /// ```text
     /// x = 2 (c/h) / (a + sqrt(a^2 + 2 (b - a) c/h))
@@ -160,7 +160,8 @@ impl PiecewiseLinear {
         unit((self.cumulative[i] + h * part * (a + 0.5 * (b - a) * part)) / total)
     }
 
-    /// Segment that holds `x` (beyond the ends the first or the last) and the part of it below `x`, in [0, 1].
+    /// Segment that holds `x` (beyond the ends the first or the last) and the part of it below `x`, in [0,
+    /// 1].
     pub fn locate(&self, x: f64) -> (usize, f64) {
         let i = interval(&self.nodes, x);
         (i, unit((x - self.nodes[i]) / (self.nodes[i + 1] - self.nodes[i])))
@@ -177,8 +178,8 @@ fn interval(edges: &[f64], x: f64) -> usize {
     edges.partition_point(|&edge| edge <= x).clamp(1, edges.len() - 1) - 1
 }
 
-/// The interval `i` of `count` with `cumulative(i) <= target < cumulative(i + 1)`, by bisection: never one without
-/// mass. `cumulative` does not decrease, starts at 0 <= target and ends above it.
+/// The interval `i` of `count` with `cumulative(i) <= target < cumulative(i + 1)`, by bisection: never one
+/// without mass. `cumulative` does not decrease, starts at 0 <= target and ends above it.
 pub(super) fn bracket(count: usize, target: f64, cumulative: impl Fn(usize) -> f64) -> usize {
     let (mut low, mut high) = (0, count);
     while high - low > 1 {

@@ -1,6 +1,7 @@
 use super::halton;
 
-/// Lattice points per side over which Voronoi cells are measured. 256 x 256 are the points of METHODS' tables.
+/// Lattice points per side over which Voronoi cells are measured. 256 x 256 are the points of METHODS'
+/// tables.
 pub const LATTICE: usize = 256;
 
 /// The `count` points at which distributions are sampled: 2D Halton from index 1 (bases 2 and 3), then
@@ -14,9 +15,9 @@ pub fn sample_points(count: usize, relaxation_steps: usize) -> Vec<[f64; 2]> {
 }
 
 /// One step of Lloyd's relaxation on the torus: every point of the unit square moves to the mean of the
-/// [`LATTICE`] x [`LATTICE`] lattice points (at cell centres) that are nearest to it. A few steps bring a Halton
-/// set towards blue noise. Coordinates stay in [0, 1); of two coinciding points the first gets the cell and the
-/// other stays.
+/// [`LATTICE`] x [`LATTICE`] lattice points (at cell centres) that are nearest to it. A few steps bring a
+/// Halton set towards blue noise. Coordinates stay in [0, 1); of two coinciding points the first gets the
+/// cell and the other stays.
 pub fn relax(points: &mut [[f64; 2]]) {
     if points.is_empty() {
         return;

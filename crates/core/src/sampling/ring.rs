@@ -1,8 +1,8 @@
 use super::piecewise::{bracket, unit};
 use std::f64::consts::TAU;
 
-/// Cumulative tables of rows of columns with equal steps in azimuth: for every row the unnormalised integral over
-/// phi up to each column edge, in value times radian.
+/// Cumulative tables of rows of columns with equal steps in azimuth: for every row the unnormalised integral
+/// over phi up to each column edge, in value times radian.
 #[derive(Clone, Debug)]
 pub(super) struct Rows {
     columns: usize,

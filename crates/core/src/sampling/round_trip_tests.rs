@@ -66,7 +66,8 @@ fn luminances(map: &PolarMap) -> Vec<f32> {
     map.pixels.iter().map(|&pixel| crate::image::luminance(pixel)).collect()
 }
 
-/// Edges of z between which densities are linear, or with normalised rows quadratic: the pole, row edges and row centres, the rim.
+/// Edges of z between which densities are linear, or with normalised rows quadratic: the pole, row edges and
+/// row centres, the rim.
 fn knots(shape: PolarShape) -> Vec<f64> {
     (0..=2 * shape.rows())
         .map(|i| 2.0 * (0.25 * shape.theta_max_rad() * i as f64 / shape.rows() as f64).sin().powi(2))
@@ -81,7 +82,8 @@ fn check(name: &str, map: &PolarMap) {
     for distribution in Either::all(shape, &values) {
         let case = format!("{name}, {}", distribution.name());
 
-        // Gauss's rule with two points is exact for what is at most cubic in z between knots and constant per column.
+        // Gauss's rule with two points is exact for what is at most cubic in z between knots and constant per
+        // column.
         let mut sum = 0.0;
         for knot in knots.windows(2) {
             let (middle, half) = (0.5 * (knot[0] + knot[1]), 0.5 * (knot[1] - knot[0]));
@@ -100,14 +102,16 @@ fn check(name: &str, map: &PolarMap) {
             assert!((0.0..=z_max).contains(&x[0]) && (0.0..TAU).contains(&x[1]), "{case}: {u:?} to {x:?}");
             assert!(pdf > 0.0 && pdf.is_finite(), "{case}: a sample at {x:?} with density {pdf}");
             let back = distribution.invert(x);
-            // One step of f64 in x moves u by the density times the step; 1e8 over a small pixel still leaves 1e-9.
+            // One step of f64 in x moves u by the density times the step; 1e8 over a small pixel still leaves
+            // 1e-9.
             assert!(
                 (back[0] - u[0]).abs() < 1e-9 && (back[1] - u[1]).abs() < 1e-9,
                 "{case}: {u:?} to {back:?}"
             );
         }
 
-        // And from positions. CDFs carry errors of a few 1e-16, which move a position by that over the density.
+        // And from positions. CDFs carry errors of a few 1e-16, which move a position by that over the
+        // density.
         for [a, b] in sample_points(1000, 0) {
             let x = [a * z_max, b * TAU];
             let u = distribution.invert(x);
@@ -155,7 +159,8 @@ fn samples_have_the_density_that_pdf_says() {
         [(1 + row) as f32 * if column > 15 { 5.0 } else { 1.0 } + if column == 3 { 20.0 } else { 0.0 }; 3]
     });
     let knots = knots(shape);
-    // 2^10 3^6 Halton points put the right number into every elementary box, so cells come out within per cents.
+    // 2^10 3^6 Halton points put the right number into every elementary box, so cells come out within per
+    // cents.
     let count = 746_496;
     for distribution in Either::all(shape, &luminances(&map)) {
         let mut hits = vec![0usize; 16 * 24];
@@ -181,8 +186,8 @@ fn samples_have_the_density_that_pdf_says() {
 
 #[test]
 fn normalised_rows_move_a_sun_of_one_row_and_unnormalised_ones_do_not() {
-    // A sun of one pixel over a dim map: between its row and the next the unnormalised ring keeps to the sun's azimuth,
-    // the normalised one at half way gives half of its samples to the rest of the ring.
+    // A sun of one pixel over a dim map: between its row and the next the unnormalised ring keeps to the
+    // sun's azimuth, the normalised one at half way gives half of its samples to the rest of the ring.
     let shape = PolarShape::hemisphere(64, 32);
     let mut values = vec![1.0; shape.len()];
     values[20 * 64 + 40] = 1e6;
@@ -205,8 +210,8 @@ fn standard_integral_is_the_power_of_the_map() {
         let power = luminance_f64(map.power());
         let [standard, bicontinuous, _] = Either::all(map.shape, &values);
         assert!((standard.integral() / power - 1.0).abs() < 1e-6, "{name}");
-        // Interpolation between row centres moves a sun's power a little; the trapezoid's weight of a row is the
-        // mean of its neighbours' heights.
+        // Interpolation between row centres moves a sun's power a little; the trapezoid's weight of a row is
+        // the mean of its neighbours' heights.
         assert!(
             (bicontinuous.integral() / power - 1.0).abs() < 0.01,
             "{name}: {}",
@@ -224,7 +229,8 @@ fn integrals_of_8192_x_2048_values_lose_no_small_ones_beside_1e8() {
     let expected = TAU + (1e8 - 1.0) * shape.pixel_solid_angle(row);
     for distribution in Either::all(shape, &values) {
         let (name, integral) = (distribution.name(), distribution.integral());
-        // Interpolation between row centres moves a sun's power by the heights of the neighbours, here by 1e-7.
+        // Interpolation between row centres moves a sun's power by the heights of the neighbours, here by
+        // 1e-7.
         assert!((integral / expected - 1.0).abs() < 1e-6, "{name}: {integral} {expected}");
         // The sun's part of the samples is the sun's part of the power.
         let count = 7776;

@@ -2,8 +2,8 @@ use super::PiecewiseConstant;
 use super::ring::Rows;
 use std::f64::consts::TAU;
 
-/// The standard inverse transform: first the row by its marginal, then the azimuth within the row. The baseline:
-/// it has a seam at phi = 0 and crowds samples at the pole.
+/// The standard inverse transform: first the row by its marginal, then the azimuth within the row. The
+/// baseline: it has a seam at phi = 0 and crowds samples at the pole.
 ///
 /// The first coordinate of the unit square is the azimuth's, the second the polar angle's.
 #[derive(Clone, Debug)]

@@ -1,34 +1,36 @@
-//! A FIR for quantities that are energies: what leaves is never negative, and in total as much leaves as came in.
+//! A FIR for quantities that are energies: what leaves is never negative, and in total as much leaves as came
+//! in.
 //!
-//! An equiripple filter has negative taps. After a flash, or where a light hands its power over to its neighbour, the
-//! linear output `y_i(t) = sum_k h_k x_i(t - k)` of a light i falls below zero. Clipping it there adds power. What
-//! was added is taken from other lights of the same *group* (one colour channel of a list) in the same frame: a
-//! hand-over makes one light overshoot as far as the other undershoots, and only together they are right. What the
-//! group cannot pay at once stays as its *debt* d. With Y the sum of the y_i, the group's output is, in general,
+//! An equiripple filter has negative taps. After a flash, or where a light hands its power over to its
+//! neighbour, the linear output `y_i(t) = sum_k h_k x_i(t - k)` of a light i falls below zero. Clipping it
+//! there adds power. What was added is taken from other lights of the same *group* (one colour channel of a
+//! list) in the same frame: a hand-over makes one light overshoot as far as the other undershoots, and only
+//! together they are right. What the group cannot pay at once stays as its *debt* d. With Y the sum of the
+//! y_i, the group's output is, in general,
 //!
 //! ```text
 //! out(t) = Y(t) - d(t - 1),        d(t) = d(t - 1) + out(t) - Y(t),
 //! ```
 //!
-//! within two limits that keep the cost of a flash with the flash. Each light's window is split into its least
-//! value b_i, the steady part, and the excess over it.
+//! within two limits that keep the cost of a flash with the flash. Each light's window is split into its
+//! least value b_i, the steady part, and the excess over it.
 //!
 //! - At least the steady parts leave, `sum_i min(max(y_i, 0), b_i)`: a flash does not darken other lights.
-//! - The excess gives no more than it holds. With `T_k = 1 - (h_0 + ... + h_(k-1))`, the share of an input of age k
-//!   that has yet to leave before this frame's output, and D the delay, that is
-//!   `E = sum_i (sum_k T_k x_i(t - k) - (D + 1) b_i) - d(t - 1)`. Without this limit a flash of 1e6 over a steady 1
-//!   would end in a negative lobe for which the steady part would pay with 57,000 dark frames.
+//! - The excess gives no more than it holds. With `T_k = 1 - (h_0 + ... + h_(k-1))`, the share of an input of
+//!   age k that has yet to leave before this frame's output, and D the delay, that is `E = sum_i (sum_k T_k
+//!   x_i(t - k) - (D + 1) b_i) - d(t - 1)`. Without this limit a flash of 1e6 over a steady 1 would end in a
+//!   negative lobe for which the steady part would pay with 57,000 dark frames.
 //!
-//! So the debt is at most the excess still on its way, `sum_i sum_k T_(k+1) (x_i(t - k) - b_i)`, and nothing once the
-//! window is constant. One exception: while a debt is open, inputs may settle at a higher level, which turns excess
-//! into steady part and makes E negative. Then the first limit gives way by -E, and a steady level s pays within
-//! D + 1 frames, since the debt was at most about D s. Where no light is clipped and no debt is open, all this is
-//! exactly the linear filter.
+//! So the debt is at most the excess still on its way, `sum_i sum_k T_(k+1) (x_i(t - k) - b_i)`, and nothing
+//! once the window is constant. One exception: while a debt is open, inputs may settle at a higher level,
+//! which turns excess into steady part and makes E negative. Then the first limit gives way by -E, and a
+//! steady level s pays within D + 1 frames, since the debt was at most about D s. Where no light is clipped
+//! and no debt is open, all this is exactly the linear filter.
 
 use super::history::History;
 
-/// Columns that are summed together: their sums stay in registers and the first-level cache while the rows stream
-/// by.
+/// Columns that are summed together: their sums stay in registers and the first-level cache while the rows
+/// stream by.
 const BLOCK: usize = 64;
 
 /// Filters the first columns of a [`History`], in groups that share a debt.
@@ -47,7 +49,8 @@ pub(super) struct EnergyFilter {
 }
 
 impl EnergyFilter {
-    /// For symmetric `taps` of sum 1 and groups of so many columns each, side by side from column 0, without debts.
+    /// For symmetric `taps` of sum 1 and groups of so many columns each, side by side from column 0, without
+    /// debts.
     pub(super) fn new(taps: &[f64], group_sizes: impl Iterator<Item = usize>) -> Self {
         let leave = |left: &mut f64, tap: &f64| {
             let pending = *left;
@@ -132,7 +135,8 @@ fn settle(values: &mut [f64], stock: &[f64], least: &[f32], steady_frames: f64, 
     let excess = held - steady_frames * steady - *debt;
     let at_least = (floor + excess.min(0.0)).max(0.0);
     let wanted = (linear - *debt).min(steady + excess).max(at_least);
-    // Shares of the steady parts and of what lies above them. Where nothing lies above, nothing more is given.
+    // Shares of the steady parts and of what lies above them. Where nothing lies above, nothing more is
+    // given.
     let of_floor = if wanted < floor { wanted / floor } else { 1.0 };
     let of_rest =
         if wanted > floor && positive > floor { (wanted - floor) / (positive - floor) } else { 0.0 };
@@ -224,8 +228,8 @@ mod tests {
         for (before, after) in [(0.0, 1.0), (1.0, 0.0), (1.0, 1e5), (1e5, 1.0)] {
             let signal: Vec<f32> = (0..60).map(|t| if t < 20 { before } else { after }).collect();
             let (out, debt) = run(25.0, &signal);
-            // The first list stands for all time before: 4 frames of `before` are on their way in at the start,
-            // 4 frames of `after` at the end.
+            // The first list stands for all time before: 4 frames of `before` are on their way in at the
+            // start, 4 frames of `after` at the end.
             let given = 24.0 * f64::from(before) + 36.0 * f64::from(after);
             assert!((sum(&out) / given - 1.0).abs() < 1e-12, "{before} {after}: {}", sum(&out) / given);
             assert!(out.iter().all(|&y| y >= 0.0) && debt[59].abs() < 1e-9);

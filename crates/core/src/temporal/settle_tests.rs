@@ -1,9 +1,11 @@
-//! A cut, a lamp that appears, a peak that dissolves: adaptive lights after the filter, against the filtered truth.
+//! A cut, a lamp that appears, a peak that dissolves: adaptive lights after the filter, against the filtered
+//! truth.
 //!
-//! The filter is 9 frames long. From the ninth frame after a change on, nothing of before is in its window, so lists
-//! must be about as good again as those of a scene that stands still; and while the change is in the window, no place may
-//! be brighter by what would be seen as a flash than the filtered truth, or than what is steady throughout the window: so
-//! much the filter lets out even where the filtered truth, which rings, is below it.
+//! The filter is 9 frames long. From the ninth frame after a change on, nothing of before is in its window,
+//! so lists must be about as good again as those of a scene that stands still; and while the change is in the
+//! window, no place may be brighter by what would be seen as a flash than the filtered truth, or than what is
+//! steady throughout the window: so much the filter lets out even where the filtered truth, which rings, is
+//! below it.
 
 use super::test_taps::taps;
 use super::{Directions, LightFilter};
@@ -31,8 +33,8 @@ fn truth(map: &PolarMap) -> Vec<f64> {
     values
 }
 
-/// Of every filtered list of a sequence: its relative RMS error, and the most by which a value is brighter than it may be,
-/// relative to the mean of the brightest truth in the window.
+/// Of every filtered list of a sequence: its relative RMS error, and the most by which a value is brighter
+/// than it may be, relative to the mean of the brightest truth in the window.
 struct Track {
     error: Vec<f64>,
     excess: Vec<f64>,
@@ -135,8 +137,8 @@ fn sky(lamp: f64) -> PolarMap {
     })
 }
 
-/// A lamp of the radiance `lamp(t)` in frame t: error over that of the last frame, from frame `settled` on at most, and
-/// the most that any value is above the filtered truth.
+/// A lamp of the radiance `lamp(t)` in frame t: error over that of the last frame, from frame `settled` on at
+/// most, and the most that any value is above the filtered truth.
 fn lamp_track(lamp: impl Fn(usize) -> f64, settled: usize) -> [f64; 2] {
     const FRAMES: usize = 60;
     let maps: Vec<PolarMap> = (0..FRAMES).map(|t| sky(lamp(t))).collect();

@@ -11,8 +11,8 @@ impl Taps {
     /// Checks coefficients, newest frame first.
     ///
     /// # Errors
-    /// Kind `Usage`, saying what is wrong: an even number of them, values that are not finite, pairs about the middle
-    /// that differ, a sum that is not 1.
+    /// Kind `Usage`, saying what is wrong: an even number of them, values that are not finite, pairs about
+    /// the middle that differ, a sum that is not 1.
     pub fn new(coefficients: Vec<f64>) -> Result<Self> {
         let count = coefficients.len();
         if count.is_multiple_of(2) {

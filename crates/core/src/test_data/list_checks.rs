@@ -30,8 +30,8 @@ pub fn check_hard(case: &str, name: &str, map: &PolarMap, list: &LightList, coun
     assert!((power - expected).abs() <= tolerance * expected, "{case}: {power} {expected}");
 }
 
-/// That no light has power and that their directions are uniform over the hemisphere: cos theta has mean 1/2, the
-/// horizontal components cancel.
+/// That no light has power and that their directions are uniform over the hemisphere: cos theta has mean 1/2,
+/// the horizontal components cancel.
 pub fn check_dark(case: &str, list: &LightList, tolerance: [f32; 3]) {
     assert!(list.lights.iter().all(|l| l.irradiance == [0.0; 3] && l.spread_rad == 0.0), "{case}");
     assert_eq!(list.power, [0.0; 3], "{case}");

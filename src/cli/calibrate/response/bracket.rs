@@ -71,7 +71,8 @@ pub(super) fn find(arguments: &Arguments, inputs: &[Taken], known: Option<&Respo
     Ok(found)
 }
 
-/// Exposure times from EXIF data, made comparable where sensitivity or aperture differ; `None` where a picture has none.
+/// Exposure times from EXIF data, made comparable where sensitivity or aperture differ; `None` where a
+/// picture has none.
 fn from_exif(files: &[PathBuf]) -> Result<Option<Vec<f64>>> {
     let settings = files.iter().map(|path| exposure_settings(path)).collect::<Result<Vec<_>>>()?;
     let Some(settings) = settings.into_iter().collect::<Option<Vec<_>>>() else { return Ok(None) };

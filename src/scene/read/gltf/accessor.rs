@@ -1,5 +1,5 @@
-//! Numbers out of glTF buffers. Everything is checked here (types, sizes, ranges), as the reader of `gltf` 1.4 takes
-//! the file's word for it.
+//! Numbers out of glTF buffers. Everything is checked here (types, sizes, ranges), as the reader of `gltf`
+//! 1.4 takes the file's word for it.
 
 use crate::error::{Error, Result};
 use crate::scene::read::budget::MAX_TRIANGLES;

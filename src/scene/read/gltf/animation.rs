@@ -11,8 +11,8 @@ use gltf::animation::Property;
 /// Keys of all channels at most.
 const MAX_KEYS: usize = 1 << 22;
 
-/// Reads the channels of all animations that move nodes of the scene. `places` has the place of every node of the
-/// file in the scene.
+/// Reads the channels of all animations that move nodes of the scene. `places` has the place of every node of
+/// the file in the scene.
 pub(super) fn read(
     gltf: &Gltf,
     buffers: &Buffers,

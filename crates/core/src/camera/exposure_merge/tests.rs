@@ -32,8 +32,9 @@ fn radiance_over_five_decades_comes_back_within_a_code_of_the_best_exposure() {
     let (values, counts) = merged(&mut merge, &frames);
     assert_eq!(counts, MergeCounts::default());
     for (value, radiance) in values.iter().zip(&radiances) {
-        // Each exposure is off by half a code of 1e-3 at most. Weights grow with the time (photon noise) or its square
-        // (read noise); where they grow the least, the mean is off by half a code times n / (t1 + ... + tn).
+        // Each exposure is off by half a code of 1e-3 at most. Weights grow with the time (photon noise) or
+        // its square (read noise); where they grow the least, the mean is off by half a code times n / (t1 +
+        // ... + tn).
         let codes = |time: f64| 16.0 + f64::from(*radiance) * time * 1e3;
         let telling: Vec<f64> =
             times.iter().copied().filter(|&time| (16.5..950.0).contains(&codes(time))).collect();
@@ -46,7 +47,8 @@ fn radiance_over_five_decades_comes_back_within_a_code_of_the_best_exposure() {
 fn what_no_exposure_measures_is_counted_and_has_the_limit() {
     let times = [1.0, 1e-5];
     let mut merge = ExposureMerge::new(&linear(), &times, &SensorNoise::default()).unwrap();
-    // Saturated in both; black in both; too bright for the one and too dark for the other; measured by one each.
+    // Saturated in both; black in both; too bright for the one and too dark for the other; measured by one
+    // each.
     let long = frame(vec![1023, 16, 1023, 516, 2000], 1);
     let short = frame(vec![1050, 3, 16, 16, 516], 1);
     let (values, counts) = merged(&mut merge, &[long, short]);

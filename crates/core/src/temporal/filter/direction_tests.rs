@@ -82,8 +82,8 @@ fn a_third_of_the_motion_as_spread_fits_the_edge_of_the_filtered_shadow() {
     let centre = taps.order() as f64 / 2.0;
     let offsets = || taps.as_slice().iter().enumerate().map(|(k, tap)| (*tap, k as f64 - centre));
     let variance: f64 = offsets().map(|(tap, offset)| tap * offset * offset).sum();
-    // A disc of some spread, in steps of the light per frame, whose shadow moves over the window: squared error of the
-    // edge that a disc with a share of the motion throws.
+    // A disc of some spread, in steps of the light per frame, whose shadow moves over the window: squared
+    // error of the edge that a disc with a share of the motion throws.
     let error = |own: f64, share: f64| -> f64 {
         let radius = |variance: f64| (2.0 * variance).sqrt();
         let (own_radius, radius) = (radius(own * own), radius(own * own + share * variance));

@@ -211,7 +211,8 @@ fn a_hundred_turns_of_a_sun_leave_power_and_lag_as_in_the_first() {
         *figures = [0, 1].map(|i| figures[i].max(off[i]));
     }
     println!("sun's power and direction: off by {first:?} in the first turn, {highest:?} in the others");
-    // Rounding of f32 directions depends on the azimuth, the same in every turn but for that of the angle itself.
+    // Rounding of f32 directions depends on the azimuth, the same in every turn but for that of the angle
+    // itself.
     assert!(highest[0] <= first[0] + 1e-7 && highest[1] <= first[1] + 1e-5, "{first:?} {highest:?}");
     assert!(first[0] < 1e-6 && first[1] < 0.1, "{first:?}");
 }
