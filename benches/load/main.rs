@@ -9,6 +9,7 @@ mod clients;
 mod server;
 
 use clients::{Clients, Figures};
+use lightcast_core::math::percentile;
 use server::Server;
 use std::fmt::Write as _;
 use std::time::Duration;
@@ -72,18 +73,17 @@ fn main() {
 }
 
 fn print_row(name: &str, figures: &Figures, used: &server::Use, idle: &server::Use, phase: Duration) {
-    let mut ages = figures.ages_ns.clone();
-    ages.sort_unstable();
-    let percentile_ms = |fraction: f64| ages[((ages.len() - 1) as f64 * fraction) as usize] as f64 * 1e-6;
-    let lists = ages.len() + figures.stalled_lists;
+    let mut ages_ms: Vec<f64> = figures.ages_ns.iter().map(|&age_ns| age_ns as f64 * 1e-6).collect();
+    ages_ms.sort_unstable_by(f64::total_cmp);
+    let lists = ages_ms.len() + figures.stalled_lists;
     let extra_s = used.processor_s - idle.processor_s * used.wall_s / idle.wall_s;
     println!(
         "{name:<22} {:>9.0} {:>9} {:>9.2} {:>9.2} {:>9.2} {:>11.2} {:>9.1} {:>8.1}",
         lists as f64 / phase.as_secs_f64(),
         figures.lost,
-        percentile_ms(0.5),
-        percentile_ms(0.99),
-        percentile_ms(1.0),
+        percentile(&ages_ms, 0.5),
+        percentile(&ages_ms, 0.99),
+        percentile(&ages_ms, 1.0),
         1e6 * extra_s / lists as f64,
         100.0 * used.processor_s / used.wall_s,
         used.resident_mb

@@ -70,7 +70,7 @@ impl AprilGrid {
             .and_then(|file| file.take(FILE_MAX_BYTES).read_to_string(&mut text))
             .map_err(|error| Error::usage("cannot be read").because(error))
             .and_then(|_| Self::parse(&text))
-            .map_err(|error| error.at(format!("board {}", path.display())))
+            .map_err(|error| error.at(path))
     }
 
     /// Reads the text of a target file.

@@ -106,9 +106,7 @@ impl CornerSet {
     /// MiB, unknown and missing keys, boards without a size, ids that the board does not have or that come
     /// twice, counts that differ, and corners outside the picture.
     pub fn load(path: &Path) -> Result<Self> {
-        read(path)
-            .and_then(|text| Self::parse(&text))
-            .map_err(|error| error.at(format!("corners {}", path.display())))
+        read(path).and_then(|text| Self::parse(&text)).map_err(|error| error.at(path))
     }
 
     /// Reads the text of a file of corners.

@@ -142,6 +142,6 @@ fn png(path: &Path) -> Result<&Path> {
     if is_png {
         Ok(path)
     } else {
-        Err(Error::usage("--picture draws a PNG file; give it a name that ends in .png").at(path.display()))
+        Err(Error::usage("--picture draws a PNG file; give it a name that ends in .png").at(path))
     }
 }

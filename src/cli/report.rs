@@ -129,7 +129,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.tables {
         std::fs::create_dir_all(&arguments.output).map_err(|error| {
             let error = Error::failed("the folder for the report cannot be made").because(error);
-            error.at(arguments.output.display())
+            error.at(&arguments.output)
         })?;
     }
     let outcome = report.measure(&mut inputs);

@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let Arguments { maps, scene: scenes, size, resolution, shadow_maps, plot: plot_file } = arguments;
     if let Some(folder) = plot_file.as_deref().and_then(Path::parent) {
         std::fs::create_dir_all(folder).map_err(|error| {
-            Error::failed("the folder for the plot cannot be made").because(error).at(folder.display())
+            Error::failed("the folder for the plot cannot be made").because(error).at(folder)
         })?;
     }
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
@@ -110,7 +110,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         let title =
             format!("Error of pictures ({} x {}, {adapter_name}): geometric means", size.columns, size.rows);
         std::fs::write(path, plot(&title, &measured).to_svg())
-            .map_err(|error| Error::failed("the plot cannot be written").because(error).at(path.display()))?;
+            .map_err(|error| Error::failed("the plot cannot be written").because(error).at(path))?;
     }
     Ok(())
 }

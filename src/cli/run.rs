@@ -174,9 +174,8 @@ impl<'a> OutputFile<'a> {
         let (path, file, shutdown) = (path.to_owned(), self.file.clone(), shutdown.clone());
         let name = path.display().to_string();
         let open = move || -> Result<Box<dyn io::Write + Send>> {
-            let failed = |error: io::Error| {
-                Error::failed("the output file cannot be made").because(error).at(path.display())
-            };
+            let failed =
+                |error: io::Error| Error::failed("the output file cannot be made").because(error).at(&path);
             let mut file = file.borrow_mut();
             let file = match &mut *file {
                 Some(file) => file,

@@ -187,9 +187,7 @@ fn watch_lists(arguments: &Arguments, path: &Path) -> Result<()> {
     let wanted = subscription(arguments, 1).checked().map_err(|error| error.with_kind(Kind::Usage))?;
     let mut selection = Selection::new(wanted);
     if arguments.record.as_deref().is_some_and(|record| is_same_file(record, path)) {
-        return Err(
-            Error::usage("--record would overwrite the file that is read; name another").at(path.display())
-        );
+        return Err(Error::usage("--record would overwrite the file that is read; name another").at(path));
     }
     let mut lines = Lines::open(arguments.json, arguments.record.as_deref())?;
     let (mut list, mut tally) = (LightList::default(), Tally::new(!arguments.json));

@@ -72,12 +72,6 @@ impl From<&PathBuf> for Place {
     }
 }
 
-impl From<std::path::Display<'_>> for Place {
-    fn from(path: std::path::Display<'_>) -> Self {
-        Self::File(path.to_string().into())
-    }
-}
-
 impl From<&str> for Place {
     fn from(part: &str) -> Self {
         Self::Part(part.to_owned())

@@ -165,6 +165,38 @@ impl Gpu {
         })
     }
 
+    /// A pipeline that draws triangles without vertex buffers, by the entry points `vertex` and `fragment`, to one
+    /// target of `format`; its bindings are as the shader declares them.
+    pub fn screen_pipeline(
+        &self,
+        label: &str,
+        source: &str,
+        format: wgpu::TextureFormat,
+    ) -> wgpu::RenderPipeline {
+        let module = self.shader(label, &[source]);
+        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(label),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fragment"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &[Some(format.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+
     /// A compute pipeline with the one entry point `main`; without a `layout` its bindings are as the shader
     /// declares them.
     pub fn compute_pipeline(

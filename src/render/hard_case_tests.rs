@@ -1,35 +1,19 @@
 //! Input that is meant to do harm.
 
 use super::test_scenes::*;
-use super::{Lightings, Options, Renderer};
+use super::{Options, Renderer};
 use crate::error::Kind;
 use crate::gpu::Gpu;
 use crate::scene::{Camera, Material, Scene, Shading, Transform};
 use glam::{Mat4, Quat, Vec3};
 use lightcast_core::light::Light;
 
-const SMALL: Options = Options {
-    width_px: 64,
-    height_px: 48,
-    lights: 72,
-    shadow_maps: 8,
-    shadow_map_px: 64,
-    soft_samples: 8,
-    culling: true,
-    cone_rad: 0.7,
-    region_lights: 216,
-    count_lights: false,
-    clusters: None,
-    lighting: Lightings::ALL,
-    ground_albedo: 0.0,
-};
-
 fn lambert() -> Material {
     Material::lambert([0.8; 3])
 }
 
 fn renderer(scene: Scene) -> Option<Renderer> {
-    Gpu::for_test().map(|gpu| Renderer::new(gpu, scene, &SMALL).unwrap())
+    Gpu::for_test().map(|gpu| Renderer::new(gpu, scene, &OPTIONS).unwrap())
 }
 
 /// Draws, and gives the pixels after a check that all are finite and none is negative.
@@ -37,14 +21,14 @@ fn draw(renderer: &mut Renderer, lights: &[Light], camera: &Camera) -> Vec<[f32;
     renderer.draw(lights, camera, 1).unwrap();
     let mut pixels = Vec::new();
     renderer.read_radiance(&mut pixels).unwrap();
-    assert_eq!(pixels.len(), SMALL.pixels());
+    assert_eq!(pixels.len(), OPTIONS.pixels());
     assert!(pixels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0));
     pixels
 }
 
 /// Bottom left: ground in the open.
 fn open_ground(pixels: &[[f32; 4]]) -> [f32; 4] {
-    pixels[((SMALL.height_px - 1) * SMALL.width_px) as usize]
+    pixels[((OPTIONS.height_px - 1) * OPTIONS.width_px) as usize]
 }
 
 #[test]
@@ -172,7 +156,7 @@ fn tiny_and_huge_scenes_look_like_those_of_one_unit() {
         let differ =
             found.iter().zip(&expected).filter(|(a, b)| (0..4).any(|c| (a[c] - b[c]).abs() > 2e-3)).count();
         println!("size {size}: {differ} pixels differ");
-        assert!(differ <= SMALL.pixels() / 200, "size {size}: {differ} pixels");
+        assert!(differ <= OPTIONS.pixels() / 200, "size {size}: {differ} pixels");
     }
 }
 
@@ -206,20 +190,20 @@ fn a_lost_device_says_so() {
 #[test]
 fn options_out_of_range_are_refused() {
     let wrong = [
-        Options { width_px: 0, ..SMALL },
-        Options { height_px: 100_000, ..SMALL },
-        Options { lights: 0, ..SMALL },
-        Options { lights: usize::MAX, ..SMALL },
-        Options { shadow_maps: usize::MAX, ..SMALL },
-        Options { shadow_map_px: 0, ..SMALL },
-        Options { shadow_map_px: u32::MAX, ..SMALL },
-        Options { shadow_maps: 4096, shadow_map_px: 4096, ..SMALL },
-        Options { cone_rad: f64::NAN, ..SMALL },
-        Options { cone_rad: -0.1, ..SMALL },
-        Options { cone_rad: 4.0, ..SMALL },
-        Options { soft_samples: 0, ..SMALL },
-        Options { soft_samples: u32::MAX, ..SMALL },
-        Options { clusters: Some(0), ..SMALL },
+        Options { width_px: 0, ..OPTIONS },
+        Options { height_px: 100_000, ..OPTIONS },
+        Options { lights: 0, ..OPTIONS },
+        Options { lights: usize::MAX, ..OPTIONS },
+        Options { shadow_maps: usize::MAX, ..OPTIONS },
+        Options { shadow_map_px: 0, ..OPTIONS },
+        Options { shadow_map_px: u32::MAX, ..OPTIONS },
+        Options { shadow_maps: 4096, shadow_map_px: 4096, ..OPTIONS },
+        Options { cone_rad: f64::NAN, ..OPTIONS },
+        Options { cone_rad: -0.1, ..OPTIONS },
+        Options { cone_rad: 4.0, ..OPTIONS },
+        Options { soft_samples: 0, ..OPTIONS },
+        Options { soft_samples: u32::MAX, ..OPTIONS },
+        Options { clusters: Some(0), ..OPTIONS },
     ];
     for options in wrong {
         let made = Renderer::new(Gpu::noop(), sphere_on_ground(lambert()), &options);
@@ -233,14 +217,14 @@ fn a_million_triangles() {
     let Some(gpu) = Gpu::for_test() else { return };
     let scene = scene(vec![(sphere(500, 0), true), (ground(8.0, -1.0, 0), false)], vec![lambert()]);
     assert!(scene.meshes[0].indices.len() >= 3 * 990_000);
-    let mut renderer = Renderer::new(gpu, scene, &SMALL).unwrap();
+    let mut renderer = Renderer::new(gpu, scene, &OPTIONS).unwrap();
     let direction = Vec3::new(0.3, 0.8, -0.2);
     let found = draw(&mut renderer, &[light(0, direction, 1.0)], &camera());
     // A coarser sphere looks nearly the same.
     let Some(gpu) = Gpu::for_test() else { return };
-    let mut renderer = Renderer::new(gpu, sphere_on_ground(lambert()), &SMALL).unwrap();
+    let mut renderer = Renderer::new(gpu, sphere_on_ground(lambert()), &OPTIONS).unwrap();
     let expected = draw(&mut renderer, &[light(0, direction, 1.0)], &camera());
-    let middle = ((SMALL.height_px / 2) * SMALL.width_px + SMALL.width_px / 2) as usize;
+    let middle = ((OPTIONS.height_px / 2) * OPTIONS.width_px + OPTIONS.width_px / 2) as usize;
     assert!((found[middle][1] / expected[middle][1] - 1.0).abs() < 0.02, "{:?}", found[middle]);
 }
 
@@ -250,7 +234,7 @@ fn a_camera_that_looks_straight_down_sees_what_is_below() {
     for up in [Vec3::Y, Vec3::NEG_Y, Vec3::ZERO] {
         let above = Camera { eye: Vec3::new(0.0, 8.0, 0.0), target: Vec3::ZERO, up, ..camera() };
         let pixels = draw(&mut renderer, &[light(0, Vec3::new(0.1, 1.0, 0.1), 1.0)], &above);
-        let middle = pixels[((SMALL.height_px / 2) * SMALL.width_px + SMALL.width_px / 2) as usize];
+        let middle = pixels[((OPTIONS.height_px / 2) * OPTIONS.width_px + OPTIONS.width_px / 2) as usize];
         assert!(middle[3] == 1.0 && middle[1] > 0.1, "{up}: {middle:?}");
     }
 }
@@ -282,7 +266,7 @@ fn a_scene_far_from_the_origin_looks_like_one_at_it() {
     let found = draw(&mut far, &lights, &from);
     let differ =
         found.iter().zip(&expected).filter(|(a, b)| (0..4).any(|c| (a[c] - b[c]).abs() > 0.02)).count();
-    assert!(differ <= SMALL.pixels() / 50, "{differ} pixels");
+    assert!(differ <= OPTIONS.pixels() / 50, "{differ} pixels");
 }
 
 #[test]
@@ -295,7 +279,7 @@ fn a_roof_in_the_plane_of_the_box_s_top_casts_its_shadow() {
         let Some(mut renderer) = renderer(scene(meshes, vec![lambert()])) else { return };
         let from = Camera { eye: Vec3::new(0.0, 0.0, 5.0), target: Vec3::new(0.0, -1.0, 0.0), ..camera() };
         let pixels = draw(&mut renderer, &[light(0, Vec3::Y, 1.0)], &from);
-        let below = pixels[((SMALL.height_px / 2) * SMALL.width_px + SMALL.width_px / 2) as usize];
+        let below = pixels[((OPTIONS.height_px / 2) * OPTIONS.width_px + OPTIONS.width_px / 2) as usize];
         assert!(below[3] == 1.0 && below[1] < 1e-3, "{y}: {below:?}");
     }
 }

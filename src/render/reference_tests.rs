@@ -1,26 +1,12 @@
 //! The reference picture, samples of a pixel, and what emits by itself.
 
 use super::test_scenes::*;
-use super::{Lightings, Options, Renderer};
+use super::{Options, Renderer};
 use crate::gpu::Gpu;
 use crate::scene::Material;
 use lightcast_core::light::Light;
 
-const SMALL: Options = Options {
-    width_px: 64,
-    height_px: 48,
-    lights: 8,
-    shadow_maps: 4,
-    shadow_map_px: 128,
-    soft_samples: 8,
-    culling: true,
-    cone_rad: 0.7,
-    region_lights: 216,
-    count_lights: false,
-    clusters: None,
-    lighting: Lightings::ALL,
-    ground_albedo: 0.0,
-};
+const SMALL: Options = Options { lights: 8, shadow_maps: 4, shadow_map_px: 128, ..OPTIONS };
 
 fn radiance(renderer: &Renderer) -> Vec<[f32; 4]> {
     let mut pixels = Vec::new();

@@ -1,24 +1,11 @@
 use super::budget::Quality;
 use super::test_scenes::*;
-use super::{Lightings, Options, Renderer};
+use super::{Options, Renderer};
 use crate::gpu::Gpu;
 use crate::scene::Material;
 
-const SMALL: Options = Options {
-    width_px: 120,
-    height_px: 90,
-    lights: 24,
-    shadow_maps: 24,
-    shadow_map_px: 128,
-    soft_samples: 8,
-    culling: true,
-    cone_rad: 0.7,
-    region_lights: 216,
-    count_lights: false,
-    clusters: None,
-    lighting: Lightings::ALL,
-    ground_albedo: 0.0,
-};
+const SMALL: Options =
+    Options { width_px: 120, height_px: 90, lights: 24, shadow_maps: 24, shadow_map_px: 128, ..OPTIONS };
 
 fn renderer() -> Option<Renderer> {
     let scene = sphere_on_ground(Material::lambert([0.7; 3]));

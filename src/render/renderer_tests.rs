@@ -1,5 +1,5 @@
 use super::test_scenes::*;
-use super::{Lightings, Options, Renderer};
+use super::{Options, Renderer};
 use crate::gpu::Gpu;
 use crate::scene::{Camera, Material, Scene, Shading};
 use glam::{Quat, Vec3};
@@ -8,17 +8,10 @@ use lightcast_core::light::Light;
 const SMALL: Options = Options {
     width_px: 160,
     height_px: 120,
-    lights: 72,
     shadow_maps: 72,
     shadow_map_px: 256,
-    soft_samples: 8,
-    culling: true,
-    cone_rad: 0.7,
-    region_lights: 216,
     count_lights: true,
-    clusters: None,
-    lighting: Lightings::ALL,
-    ground_albedo: 0.0,
+    ..OPTIONS
 };
 
 fn renderer(scene: Scene, options: &Options) -> Option<Renderer> {

@@ -1,10 +1,28 @@
 //! Scenes and lights for the tests of this room.
 
+use super::{Lightings, Options};
 use crate::scene::{
     Bounds, Camera, Instance, Material, Mesh, Node, Roles, Scene, Shading, Transform, Vertex,
 };
 use glam::Vec3;
 use lightcast_core::light::Light;
+
+/// A small picture with few and small shadow maps.
+pub(super) const OPTIONS: Options = Options {
+    width_px: 64,
+    height_px: 48,
+    lights: 72,
+    shadow_maps: 8,
+    shadow_map_px: 64,
+    soft_samples: 8,
+    culling: true,
+    cone_rad: 0.7,
+    region_lights: 216,
+    count_lights: false,
+    clusters: None,
+    lighting: Lightings::ALL,
+    ground_albedo: 0.0,
+};
 
 /// A sphere of radius 1 about the origin, its normals exact.
 pub(super) fn sphere(segments: u32, material: usize) -> Mesh {

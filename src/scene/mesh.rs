@@ -41,15 +41,14 @@ impl Mesh {
     }
 }
 
-/// Refuses numbers of a file that are not finite and indices of vertices that are not there. `place` names
-/// the mesh.
-pub(super) fn check(vertices: &[Vertex], indices: &[u32], place: &str) -> Result<()> {
+/// Refuses numbers of a file that are not finite and indices of vertices that are not there.
+pub(super) fn check(vertices: &[Vertex], indices: &[u32]) -> Result<()> {
     if !indices.len().is_multiple_of(3) {
-        return Err(Error::usage(format!("{place}: {} indices are no triangles", indices.len())));
+        return Err(Error::usage(format!("{} indices are no triangles", indices.len())));
     }
     if let Some(at) = indices.iter().position(|index| *index as usize >= vertices.len()) {
         return Err(Error::usage(format!(
-            "{place}: corner {} of triangle {} is vertex {}, but there are {} (counted from 0)",
+            "corner {} of triangle {} is vertex {}, but there are {} (counted from 0)",
             at % 3,
             at / 3,
             indices[at],
@@ -65,7 +64,7 @@ pub(super) fn check(vertices: &[Vertex], indices: &[u32], place: &str) -> Result
         ] {
             if not_finite(values) {
                 return Err(Error::usage(format!(
-                    "{place}: {what} of vertex {number} (counted from 0) not finite: {values:?}"
+                    "{what} of vertex {number} (counted from 0) not finite: {values:?}"
                 )));
             }
         }

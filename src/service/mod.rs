@@ -269,7 +269,7 @@ impl Opened {
         };
         if let Some(Pictures { folder, .. }) = &ends.pictures {
             std::fs::create_dir_all(folder).map_err(|error| {
-                Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
+                Error::failed("the folder for pictures cannot be made").because(error).at(folder)
             })?;
         }
         let publish = match ends.output.take() {

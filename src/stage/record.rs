@@ -98,7 +98,7 @@ impl Record {
         frames_max: u64,
         metrics: &Metrics,
     ) -> Result<Self> {
-        let fault = |error: Error| error.at(folder.display());
+        let fault = |error: Error| error.at(&folder);
         fs::create_dir_all(&folder)
             .map_err(|error| fault(Error::failed("the folder cannot be made").because(error)))?;
         let mut entries = fs::read_dir(&folder)

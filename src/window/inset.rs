@@ -29,28 +29,7 @@ struct Shown {
 impl Inset {
     /// Shows lights on `map`, joined to at most `most_lights`, on targets of `format`.
     pub fn new(gpu: &Gpu, map: PolarMap, most_lights: usize, format: wgpu::TextureFormat) -> Self {
-        let module = gpu.shader("inset", &[SHADER]);
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("inset"),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vertex"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fragment"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(format.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let pipeline = gpu.screen_pipeline("inset", SHADER, format);
         Self {
             map,
             most_lights,

@@ -60,8 +60,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     for note in &calibration.notes {
         tracing::info!("{}: {note}", arguments.calibration.display());
     }
-    let orientation = fit_orientation(&calibration.lens, &marks, LOOKING_UP)
-        .map_err(|error| error.at(arguments.marks.display()))?;
+    let orientation =
+        fit_orientation(&calibration.lens, &marks, LOOKING_UP).map_err(|error| error.at(&arguments.marks))?;
     print(&[describe(&orientation).trim_end().to_owned()]).map(|_| ())
 }
 

@@ -11,7 +11,7 @@ pub(super) fn corners(grid: &AprilGrid, files: &[PathBuf]) -> Result<CornerSet> 
     for path in files {
         let name = path.display().to_string();
         let found = read_grey(path).and_then(|picture| {
-            let corners = grid.find(&picture).map_err(|error| error.at(path.display()))?;
+            let corners = grid.find(&picture).map_err(|error| error.at(path))?;
             Ok(([picture.width, picture.height], corners))
         });
         let corners = match found {

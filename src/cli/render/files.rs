@@ -109,7 +109,6 @@ impl Stage for Shown {
 
 /// Makes a folder, unless it is there.
 fn make(folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        Error::failed("the folder for pictures cannot be made").because(error).at(folder.display())
-    })
+    std::fs::create_dir_all(folder)
+        .map_err(|error| Error::failed("the folder for pictures cannot be made").because(error).at(folder))
 }

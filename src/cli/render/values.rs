@@ -20,9 +20,7 @@ impl Target {
             Some("png") => file(false),
             Some("exr") => file(true),
             None => Ok(Self::Folder(path.to_owned())),
-            Some(_) => {
-                Err(Error::usage("names no kind of picture; give .png, .exr or a folder").at(path.display()))
-            }
+            Some(_) => Err(Error::usage("names no kind of picture; give .png, .exr or a folder").at(path)),
         }
     }
 }

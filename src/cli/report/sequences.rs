@@ -81,7 +81,7 @@ fn configuration(path: &Path) -> Result<(Config, (usize, f64))> {
             return Err(Error::usage(
                 "a live camera gives other frames to every method; record it (`lightcast record`) and name the recording",
             )
-            .at(path.display()));
+            .at(path));
         }
     };
     Service::check(&config)?;
@@ -116,7 +116,7 @@ fn panoramas(path: &Path, frame_rate_hz: Option<f64>) -> Result<Sequence> {
     let sequence = open(frame_rate_hz).map_err(|error| {
         // A pattern that means nothing is no matter of rates.
         if frame_rate_hz.is_none() && error.kind() == Kind::Usage && open(Some(1.0)).is_ok() {
-            return Error::usage("the files say no frame rate; give --frame-rate HZ").at(path.display());
+            return Error::usage("the files say no frame rate; give --frame-rate HZ").at(path);
         }
         error
     })?;
@@ -124,7 +124,7 @@ fn panoramas(path: &Path, frame_rate_hz: Option<f64>) -> Result<Sequence> {
         return Err(Error::usage(
             "holds raw sensor codes; name a configuration that says what they mean, such as config/replay.toml",
         )
-        .at(path.display()));
+        .at(path));
     }
     Ok(sequence)
 }

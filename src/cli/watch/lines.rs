@@ -20,7 +20,7 @@ impl Lines {
         let file = file
             .map(|path| match File::create(path) {
                 Ok(file) => Ok((file, path.to_owned())),
-                Err(error) => Err(Error::failed("the file cannot be made").because(error).at(path.display())),
+                Err(error) => Err(Error::failed("the file cannot be made").because(error).at(path)),
             })
             .transpose()?;
         Ok(Self { is_printed, file, line: Vec::new() })
@@ -39,9 +39,8 @@ impl Lines {
         write_list_line(list, &mut self.line)
             .map_err(|error| Error::failed("cannot be put into JSON").because(error).at(place()))?;
         if let Some((file, path)) = &mut self.file {
-            file.write_all(&self.line).map_err(|error| {
-                Error::failed("cannot be written").because(error).at(place()).at(path.display())
-            })?;
+            file.write_all(&self.line)
+                .map_err(|error| Error::failed("cannot be written").because(error).at(place()).at(&*path))?;
         }
         if self.is_printed {
             let mut output = io::stdout().lock();

@@ -2,7 +2,7 @@
 
 use crate::gpu::Gpu;
 use crate::render::test_scenes::*;
-use crate::render::{Lightings, Options, Renderer};
+use crate::render::{Options, Renderer};
 use crate::scene::Material;
 
 const CULLED: Options = Options {
@@ -10,15 +10,9 @@ const CULLED: Options = Options {
     height_px: 72,
     lights: 300,
     shadow_maps: 72,
-    shadow_map_px: 64,
     soft_samples: 1,
-    culling: true,
-    cone_rad: 0.7,
-    region_lights: 216,
     count_lights: true,
-    clusters: None,
-    lighting: Lightings::ALL,
-    ground_albedo: 0.0,
+    ..OPTIONS
 };
 
 #[test]

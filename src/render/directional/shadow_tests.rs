@@ -4,7 +4,7 @@ use super::exact_shadow::Sheets;
 use super::shade_twin::{Lookup, terminator};
 use crate::gpu::Gpu;
 use crate::render::test_scenes::*;
-use crate::render::{Lightings, Options, Renderer};
+use crate::render::{Options, Renderer};
 use crate::scene::{Camera, Material, Texture, Wrap};
 use glam::{DVec2, UVec2, Vec3};
 use std::f32::consts::PI;
@@ -21,10 +21,7 @@ const HARD: Options = Options {
     culling: false,
     cone_rad: 0.0,
     region_lights: 0,
-    count_lights: false,
-    clusters: None,
-    lighting: Lightings::ALL,
-    ground_albedo: 0.0,
+    ..OPTIONS
 };
 
 /// Pixels that face a light and about which all texels that have a say agree, by exact visibility.

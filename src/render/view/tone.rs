@@ -34,28 +34,7 @@ pub(in crate::render) struct TonePass {
 impl TonePass {
     /// From a buffer of `width * height` pixels to targets of `format`, which must code as sRGB.
     pub fn new(gpu: &Gpu, radiance: &Array<[f32; 4]>, size: [u32; 2], format: wgpu::TextureFormat) -> Self {
-        let module = gpu.shader("tone", &[TONE]);
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("tone"),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vertex"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fragment"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(format.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let pipeline = gpu.screen_pipeline("tone", TONE, format);
         let exposure = ExposurePass::new(gpu, radiance, pixels(size));
         let mut screens = Array::new(gpu, "screen", wgpu::BufferUsages::UNIFORM, 1);
         let screen = ScreenUniform { size, ..ScreenUniform::default() };

@@ -248,7 +248,7 @@ impl Reader<'_> {
             None => (0..vertices.len() as u32).collect(),
         };
         let mut indices = triangles_of(primitive.mode(), corners);
-        check(&vertices, &indices, place)?;
+        check(&vertices, &indices).map_err(at_place)?;
         let dropped = drop_zero_area(&vertices, &mut indices);
         if indices.is_empty() {
             add_note(&mut self.scene.notes, format!("{place} left out: it has no triangle with an area"));

@@ -150,7 +150,8 @@ fn gather(
                 materials.len() - 1
             })
         });
-        check(&vertices[first as usize..], &mesh.indices, &format!("object `{}`", short(&model.name)))?;
+        check(&vertices[first as usize..], &mesh.indices)
+            .map_err(|error| error.at(format_args!("object `{}`", short(&model.name))))?;
         ends.push((first, material));
     }
     let dropped = drop_zero_area(&vertices, &mut indices);

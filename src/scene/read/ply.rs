@@ -43,7 +43,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scene> {
         }
     }
     Budget::default().take(vertices.len(), indices.len() / 3)?;
-    check(&vertices, &indices, "mesh")?;
+    check(&vertices, &indices).map_err(|error| error.at("mesh"))?;
     let has = |property| header.elements.get("vertex").is_some_and(|e| e.properties.contains_key(property));
     let mut notes = Vec::new();
     let dropped = drop_zero_area(&vertices, &mut indices);

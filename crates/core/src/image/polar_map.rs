@@ -21,7 +21,7 @@ impl PolarShape {
     /// The lowest rim in degrees. Rows are told apart by the cosine of their angles in f64: at this limit 90
     /// rows still have their solid angles within 1e-6. Directions are unit vectors in f32, good to 1e-7: in a
     /// narrower map they would lie on a raster of less than ten thousand steps.
-    pub const LEAST_THETA_MAX_DEG: f64 = 0.1;
+    const LEAST_THETA_MAX_DEG: f64 = 0.1;
 
     /// A map of so many azimuth steps over the full turn and so many polar-angle steps from the pole to
     /// `theta_max_rad`.

@@ -99,7 +99,7 @@ impl Emitters {
 
     /// Irradiance at a point (x, 0, z) of the ground (normal +Y) beside a sphere of radius 0.5 that rests on
     /// it at the origin; a light whose ray meets the sphere is hidden.
-    pub fn ground_irradiance(&self, point_x: f64, point_z: f64) -> f64 {
+    fn ground_irradiance(&self, point_x: f64, point_z: f64) -> f64 {
         // A ray from p along d meets the sphere where d.(c - p) > sqrt(|c - p|^2 - r^2), and |c - p|^2 - r^2
         // is the squared distance of p from the contact point because the sphere touches the ground.
         let tangent_length = point_x.hypot(point_z);

@@ -150,7 +150,7 @@ impl Regions {
     }
 
     /// Place in the table of a vector of any length, see [`cube_cell`].
-    pub fn table_index(&self, direction: [f32; 3]) -> usize {
+    fn table_index(&self, direction: [f32; 3]) -> usize {
         cube_cell(direction, self.side) as usize
     }
 

@@ -11,8 +11,10 @@ mod percentile;
 mod solid_angle;
 mod srgb;
 
-pub use concentric::{disc_from_square, square_from_disc};
-pub use cube_map::{cube_cell, cube_cell_solid_angle, cube_direction};
+pub use concentric::disc_from_square;
+pub(crate) use concentric::square_from_disc;
+pub use cube_map::cube_cell;
+pub(crate) use cube_map::{cube_cell_solid_angle, cube_direction};
 pub use direction::{angle_between, direction, direction_at_height, polar};
 pub use fibonacci::fibonacci_sphere;
 pub use percentile::percentile;

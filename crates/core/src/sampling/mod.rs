@@ -26,6 +26,6 @@ mod round_trip_tests;
 
 pub use bicontinuous::Bicontinuous;
 pub use halton::halton;
-pub use piecewise::{PiecewiseConstant, PiecewiseLinear};
-pub use relaxation::{LATTICE, relax, sample_points};
+pub(crate) use piecewise::{PiecewiseConstant, PiecewiseLinear};
+pub use relaxation::{relax, sample_points};
 pub use standard::Standard;

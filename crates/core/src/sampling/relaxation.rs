@@ -2,7 +2,7 @@ use super::halton;
 
 /// Lattice points per side over which Voronoi cells are measured. 256 x 256 are the points of METHODS'
 /// tables.
-pub const LATTICE: usize = 256;
+const LATTICE: usize = 256;
 
 /// The `count` points at which distributions are sampled: 2D Halton from index 1 (bases 2 and 3), then
 /// `relaxation_steps` steps of [`relax`]. Start-up work: it allocates.

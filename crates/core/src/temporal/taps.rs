@@ -14,26 +14,25 @@ impl Taps {
     /// Kind `Usage`, saying what is wrong: an even number of them, values that are not finite, pairs about
     /// the middle that differ, a sum that is not 1.
     pub fn new(coefficients: Vec<f64>) -> Result<Self> {
+        let refused = |message: String| Err(Error::usage(message).in_option("taps", None));
         let count = coefficients.len();
         if count.is_multiple_of(2) {
-            return Err(Error::usage(format!("taps: {count} coefficients, their number must be odd")));
+            return refused(format!("{count} coefficients, their number must be odd"));
         }
         if let Some(value) = coefficients.iter().find(|value| !value.is_finite()) {
-            return Err(Error::usage(format!("taps: {value} is not finite")));
+            return refused(format!("{value} is not finite"));
         }
         let (sum, size): (f64, f64) =
             (coefficients.iter().sum(), coefficients.iter().map(|value| value.abs()).sum());
         if (0..count / 2)
             .any(|at| (coefficients[at] - coefficients[count - 1 - at]).abs() > SUM_TOLERANCE * size)
         {
-            return Err(Error::usage(
-                "taps: must be the same from both ends, for a delay that is the same at every frequency",
-            ));
+            return refused(
+                "must be the same from both ends, for a delay that is the same at every frequency".to_owned(),
+            );
         }
         if (sum - 1.0).abs() > SUM_TOLERANCE * size {
-            return Err(Error::usage(format!(
-                "taps: their sum is {sum}, must be 1, for lists that stay the same to pass"
-            )));
+            return refused(format!("their sum is {sum}, must be 1, for lists that stay the same to pass"));
         }
         Ok(Self(coefficients))
     }

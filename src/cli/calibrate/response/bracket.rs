@@ -42,7 +42,7 @@ pub(super) fn find(arguments: &Arguments, inputs: &[Taken], known: Option<&Respo
     let mut frame = Frame::default();
     for path in &files {
         read(path, &mut frame)?;
-        samples.add(&frame).map_err(|error| error.at(path.display()))?;
+        samples.add(&frame).map_err(|error| error.at(path))?;
     }
     let (times, found) = match (times, known) {
         (Some(times), _) => {
@@ -92,7 +92,7 @@ fn merge(files: &[PathBuf], times: &[f64], response: &Response, output: &Path) -
     let mut frame = Frame::default();
     for (index, path) in files.iter().enumerate() {
         read(path, &mut frame)?;
-        merge.add(&frame, index).map_err(|error| Error::from(error).at(path.display()))?;
+        merge.add(&frame, index).map_err(|error| Error::from(error).at(path))?;
     }
     let counts = merge.finish(&mut frame)?;
     write_exr(output, &frame, None, false)?;

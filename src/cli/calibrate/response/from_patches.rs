@@ -77,7 +77,7 @@ pub(super) fn find(arguments: &Arguments, inputs: &[Taken], file: &Path) -> Resu
         black_code: arguments.black,
         saturation_code: arguments.saturation,
     };
-    let fit = fit_patches(&patches, &options).map_err(|error| error.at(file.display()))?;
+    let fit = fit_patches(&patches, &options).map_err(|error| error.at(file))?;
     Ok(Found { lines: lines(&fit), plot: plot(&fit), response: fit.response })
 }
 
