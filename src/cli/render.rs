@@ -11,7 +11,7 @@ use crate::compare::{self, AnyExtractor, Inversion};
 use crate::error::{Error, Result};
 use crate::gpu::{Backend, Gpu};
 use crate::net::ClientOptions;
-use crate::render::{self, Options, Renderer};
+use crate::render::{self, DirectionalOptions, Options, Renderer};
 use crate::scene::{Camera, Scene, Shading};
 use clap::ValueEnum;
 use glam::Vec3;
@@ -201,13 +201,16 @@ fn options(arguments: &Arguments) -> Options {
     Options {
         width_px: side(arguments.size.columns),
         height_px: side(arguments.size.rows),
-        lights: arguments.lights,
-        shadow_maps: arguments.shadow_maps,
-        shadow_map_px: arguments.shadow_map_size,
-        soft_samples: arguments.soft_samples,
-        clusters: arguments.clusters,
         lighting: arguments.look.lighting(),
         ground_albedo: arguments.look.ground_albedo(),
+        directional: DirectionalOptions {
+            lights: arguments.lights,
+            shadow_maps: arguments.shadow_maps,
+            shadow_map_px: arguments.shadow_map_size,
+            soft_samples: arguments.soft_samples,
+            clusters: arguments.clusters,
+            ..DirectionalOptions::default()
+        },
         ..Options::default()
     }
 }

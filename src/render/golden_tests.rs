@@ -8,7 +8,7 @@
 //! `LIGHTCAST_RENEW_GOLDEN=1 cargo test golden` draws them anew. Look at them before they are committed.
 
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{DirectionalOptions, Options, Renderer};
 use crate::files::write_png8;
 use crate::gpu::Gpu;
 use crate::scene::{Material, Roles, Scene, Shading};
@@ -71,7 +71,15 @@ fn phong_torus_under_three_hard_lights() {
         light(2, Vec3::new(0.1, 0.3, -0.9), 1.0),
     ];
     lights[1].irradiance = [1.0, 0.7, 0.4];
-    let options = Options { soft_samples: 1, culling: false, shadow_map_px: 512, ..Options::default() };
+    let options = Options {
+        directional: DirectionalOptions {
+            soft_samples: 1,
+            culling: false,
+            shadow_map_px: 512,
+            ..DirectionalOptions::default()
+        },
+        ..Options::default()
+    };
     check("phong", scene, &lights, &options);
 }
 

@@ -1,7 +1,7 @@
 //! Input that is meant to do harm.
 
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{DirectionalOptions, Options, Renderer};
 use crate::error::Kind;
 use crate::gpu::Gpu;
 use crate::scene::{Camera, Material, Scene, Shading, Transform};
@@ -189,21 +189,23 @@ fn a_lost_device_says_so() {
 
 #[test]
 fn options_out_of_range_are_refused() {
+    let default = OPTIONS.directional;
+    let with = |directional| Options { directional, ..OPTIONS };
     let wrong = [
         Options { width_px: 0, ..OPTIONS },
         Options { height_px: 100_000, ..OPTIONS },
-        Options { lights: 0, ..OPTIONS },
-        Options { lights: usize::MAX, ..OPTIONS },
-        Options { shadow_maps: usize::MAX, ..OPTIONS },
-        Options { shadow_map_px: 0, ..OPTIONS },
-        Options { shadow_map_px: u32::MAX, ..OPTIONS },
-        Options { shadow_maps: 4096, shadow_map_px: 4096, ..OPTIONS },
-        Options { cone_rad: f64::NAN, ..OPTIONS },
-        Options { cone_rad: -0.1, ..OPTIONS },
-        Options { cone_rad: 4.0, ..OPTIONS },
-        Options { soft_samples: 0, ..OPTIONS },
-        Options { soft_samples: u32::MAX, ..OPTIONS },
-        Options { clusters: Some(0), ..OPTIONS },
+        with(DirectionalOptions { lights: 0, ..default }),
+        with(DirectionalOptions { lights: usize::MAX, ..default }),
+        with(DirectionalOptions { shadow_maps: usize::MAX, ..default }),
+        with(DirectionalOptions { shadow_map_px: 0, ..default }),
+        with(DirectionalOptions { shadow_map_px: u32::MAX, ..default }),
+        with(DirectionalOptions { shadow_maps: 4096, shadow_map_px: 4096, ..default }),
+        with(DirectionalOptions { cone_rad: f64::NAN, ..default }),
+        with(DirectionalOptions { cone_rad: -0.1, ..default }),
+        with(DirectionalOptions { cone_rad: 4.0, ..default }),
+        with(DirectionalOptions { soft_samples: 0, ..default }),
+        with(DirectionalOptions { soft_samples: u32::MAX, ..default }),
+        with(DirectionalOptions { clusters: Some(0), ..default }),
     ];
     for options in wrong {
         let made = Renderer::new(Gpu::noop(), sphere_on_ground(lambert()), &options);

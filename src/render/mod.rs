@@ -40,7 +40,7 @@ mod test_scenes;
 mod view;
 mod world;
 
-pub use directional::LightCounts;
+pub use directional::{DirectionalOptions, LightCounts};
 pub use emitters::emitters;
 pub use options::{Lightings, Options};
 pub use renderer::Renderer;

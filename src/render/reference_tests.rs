@@ -1,12 +1,15 @@
 //! The reference picture, samples of a pixel, and what emits by itself.
 
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{DirectionalOptions, Options, Renderer};
 use crate::gpu::Gpu;
 use crate::scene::Material;
 use lightcast_core::light::Light;
 
-const SMALL: Options = Options { lights: 8, shadow_maps: 4, shadow_map_px: 128, ..OPTIONS };
+const SMALL: Options = Options {
+    directional: DirectionalOptions { lights: 8, shadow_maps: 4, shadow_map_px: 128, ..OPTIONS.directional },
+    ..OPTIONS
+};
 
 fn radiance(renderer: &Renderer) -> Vec<[f32; 4]> {
     let mut pixels = Vec::new();
@@ -65,7 +68,10 @@ fn the_reference_is_the_sum_over_its_lights() {
 #[test]
 fn one_light_draws_as_its_reference() {
     let Some(gpu) = Gpu::for_test() else { return };
-    let options = Options { soft_samples: 1, cone_rad: 0.0, ..SMALL };
+    let options = Options {
+        directional: DirectionalOptions { soft_samples: 1, cone_rad: 0.0, ..SMALL.directional },
+        ..SMALL
+    };
     let mut renderer = Renderer::new(gpu, sphere_on_ground(metal(0.4)), &options).unwrap();
     let lights = &sky(4)[..];
     renderer.draw(lights, &camera(), 2).unwrap();

@@ -1,11 +1,20 @@
 use super::budget::Quality;
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{DirectionalOptions, Options, Renderer};
 use crate::gpu::Gpu;
 use crate::scene::Material;
 
-const SMALL: Options =
-    Options { width_px: 120, height_px: 90, lights: 24, shadow_maps: 24, shadow_map_px: 128, ..OPTIONS };
+const SMALL: Options = Options {
+    width_px: 120,
+    height_px: 90,
+    directional: DirectionalOptions {
+        lights: 24,
+        shadow_maps: 24,
+        shadow_map_px: 128,
+        ..OPTIONS.directional
+    },
+    ..OPTIONS
+};
 
 fn renderer() -> Option<Renderer> {
     let scene = sphere_on_ground(Material::lambert([0.7; 3]));
@@ -72,7 +81,10 @@ fn lower_quality_is_what_was_built_with_fewer_lights_and_maps() {
     let (lights, camera) = (sky(200), camera());
     renderer.draw(&lights, &camera, 1).unwrap();
     let full = radiance(&renderer);
-    let fewer = Options { lights: 12, shadow_maps: 5, ..SMALL };
+    let fewer = Options {
+        directional: DirectionalOptions { lights: 12, shadow_maps: 5, ..SMALL.directional },
+        ..SMALL
+    };
     let scene = sphere_on_ground(Material::lambert([0.7; 3]));
     let mut built = Renderer::new(Gpu::for_test().expect("there was one above"), scene, &fewer).unwrap();
     built.draw(&lights, &camera, 1).unwrap();

@@ -1,6 +1,6 @@
 use super::ambient::Ambient;
 use super::budget::Quality;
-use super::directional::Directional;
+use super::directional::{Directional, DirectionalOptions};
 use super::options::{Lightings, Options};
 use super::view::{Before, Look, Sample, View};
 use super::world::World;
@@ -57,7 +57,8 @@ impl Renderer {
         let world = World::new(&gpu, scene)?;
         let view = View::new(&gpu, &world, size, format);
         let Lightings { directional, ambient } = options.lighting;
-        let directional = directional.then(|| Directional::new(&gpu, &world, &view.seen, options));
+        let directional =
+            directional.then(|| Directional::new(&gpu, &world, &view.seen, &options.directional));
         let ambient = (ambient && options.ground_albedo > 0.0)
             .then(|| Ambient::new(&gpu, &view.seen, options.ground_albedo));
         let picture = picture(&gpu, size, format);
@@ -66,7 +67,10 @@ impl Renderer {
         Ok(Self {
             gpu,
             options: *options,
-            quality: Quality { lights: options.lights, shadow_maps: options.shadow_maps },
+            quality: Quality {
+                lights: options.directional.lights,
+                shadow_maps: options.directional.shadow_maps,
+            },
             world,
             view,
             directional,
@@ -113,7 +117,7 @@ impl Renderer {
     /// before.
     pub fn release_shadow_maps(&mut self) {
         if let Some(directional) = &mut self.directional {
-            directional.release_shadow_maps(&self.options);
+            directional.release_shadow_maps(&self.options.directional);
         }
     }
 
@@ -124,7 +128,7 @@ impl Renderer {
     pub fn draw(&mut self, lights: &[Light], camera: &Camera, samples: u32) -> Result<()> {
         self.timer.restart();
         let Quality { lights: most_lights, shadow_maps } = self.quality;
-        let options = Options { lights: most_lights, shadow_maps, ..self.options };
+        let options = DirectionalOptions { lights: most_lights, shadow_maps, ..self.options.directional };
         self.prepare(lights, &options);
         let count = samples.max(1);
         for index in 0..count {
@@ -148,14 +152,14 @@ impl Renderer {
         samples: u32,
         mut goes_on: impl FnMut(usize) -> bool,
     ) -> Result<bool> {
-        let batch = self.options.shadow_maps.max(1);
-        let options = Options {
+        let batch = self.options.directional.shadow_maps.max(1);
+        let options = DirectionalOptions {
             lights: batch,
             culling: false,
             cone_rad: 0.0,
             soft_samples: 1,
             clusters: None,
-            ..self.options
+            ..self.options.directional
         };
         let count = samples.max(1);
         let mut done = 0;
@@ -185,7 +189,7 @@ impl Renderer {
     }
 
     /// What the samples that follow are lit by.
-    fn prepare(&mut self, lights: &[Light], options: &Options) {
+    fn prepare(&mut self, lights: &[Light], options: &DirectionalOptions) {
         if let Some(directional) = &mut self.directional {
             directional.prepare(&self.gpu, &mut self.timer, lights, &self.world, options);
         }

@@ -1,5 +1,5 @@
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{DirectionalOptions, Options, Renderer};
 use crate::gpu::Gpu;
 use crate::scene::{Camera, Material, Scene, Shading};
 use glam::{Quat, Vec3};
@@ -8,9 +8,12 @@ use lightcast_core::light::Light;
 const SMALL: Options = Options {
     width_px: 160,
     height_px: 120,
-    shadow_maps: 72,
-    shadow_map_px: 256,
-    count_lights: true,
+    directional: DirectionalOptions {
+        shadow_maps: 72,
+        shadow_map_px: 256,
+        count_lights: true,
+        ..OPTIONS.directional
+    },
     ..OPTIONS
 };
 
@@ -95,7 +98,12 @@ fn a_lambertian_ground_under_one_light_is_what_lambert_says() {
 
 #[test]
 fn released_shadow_maps_go_to_the_lights_of_most_power() {
-    let options = Options { width_px: 64, height_px: 48, shadow_maps: 1, ..SMALL };
+    let options = Options {
+        width_px: 64,
+        height_px: 48,
+        directional: DirectionalOptions { shadow_maps: 1, ..SMALL.directional },
+        ..SMALL
+    };
     let Some(mut renderer) = renderer(sphere_on_ground(Material::lambert([0.5; 3])), &options) else {
         return;
     };

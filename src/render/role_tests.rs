@@ -1,7 +1,7 @@
 //! Instances that are held out, unseen, cast no shadows or receive none.
 
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{DirectionalOptions, Options, Renderer};
 use crate::gpu::Gpu;
 use crate::scene::{Material, Roles, Scene};
 
@@ -18,9 +18,8 @@ fn drawn(sphere: Roles, ground: Roles, samples: u32) -> Option<Vec<[f32; 4]>> {
     let options = Options {
         width_px: SIZE[0],
         height_px: SIZE[1],
-        lights: 24,
-        shadow_maps: 24,
         ground_albedo: 0.3,
+        directional: DirectionalOptions { lights: 24, shadow_maps: 24, ..DirectionalOptions::default() },
         ..Options::default()
     };
     let mut renderer = Renderer::new(Gpu::for_test()?, scene_with(sphere, ground), &options).unwrap();

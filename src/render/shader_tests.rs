@@ -1,7 +1,7 @@
 //! All shaders, without a GPU.
 
 use super::test_scenes::*;
-use super::{Options, Renderer};
+use super::{DirectionalOptions, Options, Renderer};
 use crate::gpu::Gpu;
 use crate::gpu::layout::assert_valid;
 use crate::scene::{Material, Scene};
@@ -52,8 +52,30 @@ fn every_file_in_shaders_is_valid_where_it_is_joined() {
 fn a_device_without_a_driver_accepts_every_pipeline_and_binding() {
     for (options, lights) in [
         (Options { width_px: 96, height_px: 72, ..Options::default() }, sky(300)),
-        (Options { culling: false, count_lights: true, clusters: Some(5), ..Options::default() }, sky(300)),
-        (Options { shadow_maps: 0, cone_rad: 0.0, soft_samples: 1, ..Options::default() }, Vec::new()),
+        (
+            Options {
+                directional: DirectionalOptions {
+                    culling: false,
+                    count_lights: true,
+                    clusters: Some(5),
+                    ..DirectionalOptions::default()
+                },
+                ..Options::default()
+            },
+            sky(300),
+        ),
+        (
+            Options {
+                directional: DirectionalOptions {
+                    shadow_maps: 0,
+                    cone_rad: 0.0,
+                    soft_samples: 1,
+                    ..DirectionalOptions::default()
+                },
+                ..Options::default()
+            },
+            Vec::new(),
+        ),
     ] {
         for scene in [sphere_on_ground(Material::lambert([0.5; 3])), Scene::default()] {
             let mut renderer = Renderer::new(Gpu::noop(), scene, &options).unwrap();

@@ -1,6 +1,6 @@
 //! Scenes and lights for the tests of this room.
 
-use super::{Lightings, Options};
+use super::{DirectionalOptions, Lightings, Options};
 use crate::scene::{
     Bounds, Camera, Instance, Material, Mesh, Node, Roles, Scene, Shading, Transform, Vertex,
 };
@@ -11,16 +11,18 @@ use lightcast_core::light::Light;
 pub(super) const OPTIONS: Options = Options {
     width_px: 64,
     height_px: 48,
-    lights: 72,
-    shadow_maps: 8,
-    shadow_map_px: 64,
-    soft_samples: 8,
-    culling: true,
-    cone_rad: 0.7,
-    region_lights: 216,
-    count_lights: false,
-    clusters: None,
     lighting: Lightings::ALL,
+    directional: DirectionalOptions {
+        lights: 72,
+        shadow_maps: 8,
+        shadow_map_px: 64,
+        soft_samples: 8,
+        culling: true,
+        cone_rad: 0.7,
+        region_lights: 216,
+        count_lights: false,
+        clusters: None,
+    },
     ground_albedo: 0.0,
 };
 

@@ -58,9 +58,12 @@ pub fn options(size: [u32; 2], shadow_maps: usize) -> render::Options {
     render::Options {
         width_px: size[0],
         height_px: size[1],
-        lights: COUNTS[COUNTS.len() - 1],
-        shadow_maps,
-        cone_rad: 0.0,
+        directional: render::DirectionalOptions {
+            lights: COUNTS[COUNTS.len() - 1],
+            shadow_maps,
+            cone_rad: 0.0,
+            ..render::DirectionalOptions::default()
+        },
         ..render::Options::default()
     }
 }

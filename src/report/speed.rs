@@ -5,7 +5,7 @@ use super::picture_error::relative_rms;
 use super::speed_cases::{Case, clustering, culling};
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::render::Options;
+use crate::render::{DirectionalOptions, Options};
 use lightcast_core::image::PolarMap;
 use lightcast_core::light::{self, Light};
 use std::time::Duration;
@@ -64,7 +64,7 @@ impl Drawn {
             name: name.clone(),
             size: [options.width_px, options.height_px],
             triangles,
-            lights: lights_of(&lights.lights, options),
+            lights: lights_of(&lights.lights, &options.directional),
             seen: None,
             error: lights.error,
             time,
@@ -75,7 +75,7 @@ impl Drawn {
 }
 
 /// Lights in set H.
-fn lights_of(lights: &[Light], options: &Options) -> usize {
+fn lights_of(lights: &[Light], options: &DirectionalOptions) -> usize {
     let (mut high, mut clusters, mut places) = (Vec::new(), Vec::new(), Vec::new());
     light::prefix(lights, options.lights, &mut high);
     if let Some(most) = options.clusters {
@@ -93,7 +93,10 @@ fn lights_of(lights: &[Light], options: &Options) -> usize {
 pub fn culling_rows(gpu: impl Fn() -> Result<Gpu>) -> Result<Vec<Row>> {
     let [all, region] = culling();
     let lights_a_pixel = |case: &Case| -> Result<f64> {
-        let options = Options { count_lights: true, ..case.options };
+        let options = Options {
+            directional: DirectionalOptions { count_lights: true, ..case.options.directional },
+            ..case.options
+        };
         let Timed { mut renderer, camera, .. } = Timed::new(gpu()?, case.model.scene(), &options)?;
         renderer.draw(&case.lights.lights, &camera, 1)?;
         let counts = renderer.read_counts()?;
@@ -220,9 +223,9 @@ mod tests {
     #[test]
     fn lights_that_shine_on_everything_are_the_head_or_its_clusters() {
         let lights = Lights::of_map(&made_up_map(), 300).unwrap().lights;
-        let options = Options::default();
+        let options = DirectionalOptions::default();
         assert_eq!(lights_of(&lights, &options), 72);
-        let clustered = Options { lights: 300, clusters: Some(24), ..options };
+        let clustered = DirectionalOptions { lights: 300, clusters: Some(24), ..options };
         assert!((2..=24).contains(&lights_of(&lights, &clustered)));
     }
 

@@ -1,7 +1,7 @@
 //! What the speed of the renderer is measured on: scenes, settings and lists of lights.
 
 use crate::error::Result;
-use crate::render::Options;
+use crate::render::{DirectionalOptions, Options};
 use crate::scene::{Material, Scene, Shading};
 use lightcast_core::image::{PolarMap, PolarShape};
 
@@ -115,8 +115,8 @@ pub struct Case {
     pub note: String,
 }
 
-fn sized(size: [u32; 2]) -> Options {
-    Options { width_px: size[0], height_px: size[1], ..Options::default() }
+fn sized(size: [u32; 2], directional: DirectionalOptions) -> Options {
+    Options { width_px: size[0], height_px: size[1], directional, ..Options::default() }
 }
 
 fn case(name: impl Into<String>, segments: usize, options: Options, lights: Lights) -> Case {
@@ -129,7 +129,12 @@ pub fn culling() -> [Case; 2] {
     let lights = Lights::over_sphere(300);
     [("all lights", false), ("lights of the region", true)].map(|(name, culling)| Case {
         model: Model::Sphere,
-        ..case(name, 0, Options { lights: 300, culling, ..sized(SMALL) }, lights.clone())
+        ..case(
+            name,
+            0,
+            sized(SMALL, DirectionalOptions { lights: 300, culling, ..DirectionalOptions::default() }),
+            lights.clone(),
+        )
     })
 }
 
@@ -142,7 +147,15 @@ pub fn clustering(map: &PolarMap) -> Result<[Case; 3]> {
     let cases = [("300 lights", None), ("in at most 72 clusters", Some(72)), ("in at most 24", Some(24))];
     Ok(cases.map(|(name, clusters)| Case {
         model: Model::BuiltIn,
-        ..case(name, 0, Options { lights: 300, cone_rad: 0.0, clusters, ..sized(SMALL) }, lights.clone())
+        ..case(
+            name,
+            0,
+            sized(
+                SMALL,
+                DirectionalOptions { lights: 300, cone_rad: 0.0, clusters, ..DirectionalOptions::default() },
+            ),
+            lights.clone(),
+        )
     }))
 }
 
@@ -153,15 +166,15 @@ pub fn clustering(map: &PolarMap) -> Result<[Case; 3]> {
 pub fn growth(map: &PolarMap) -> Result<Vec<Case>> {
     let few = Lights::of_map(map, 72)?;
     let mut cases = vec![
-        case("to compare with", FEW_SEGMENTS, sized(SMALL), few.clone()),
-        case("triangles", MANY_SEGMENTS, sized(SMALL), few.clone()),
+        case("to compare with", FEW_SEGMENTS, sized(SMALL, DirectionalOptions::default()), few.clone()),
+        case("triangles", MANY_SEGMENTS, sized(SMALL, DirectionalOptions::default()), few.clone()),
     ];
     for count in [300, 2000] {
-        let options = Options { lights: count, ..sized(SMALL) };
+        let options = sized(SMALL, DirectionalOptions { lights: count, ..DirectionalOptions::default() });
         cases.push(case("lights", FEW_SEGMENTS, options, Lights::of_map(map, count)?));
     }
     for size in [[640, 480], [1280, 720], [1920, 1080]] {
-        cases.push(case("pixels", FEW_SEGMENTS, sized(size), few.clone()));
+        cases.push(case("pixels", FEW_SEGMENTS, sized(size, DirectionalOptions::default()), few.clone()));
     }
     Ok(cases)
 }
@@ -172,8 +185,11 @@ pub fn growth(map: &PolarMap) -> Result<Vec<Case>> {
 /// # Errors
 /// As [`Extractor::new`].
 pub fn paper(map: &PolarMap) -> Result<Vec<Case>> {
-    let (few, many) = (Lights::of_map(map, 72)?, Lights::with_head(map, GLOSSY_LIGHTS, sized(SMALL).lights)?);
-    let hard = Options { soft_samples: 1, ..sized(SMALL) };
+    let (few, many) = (
+        Lights::of_map(map, 72)?,
+        Lights::with_head(map, GLOSSY_LIGHTS, DirectionalOptions::default().lights)?,
+    );
+    let hard = DirectionalOptions { soft_samples: 1, ..DirectionalOptions::default() };
     let rows = [
         ("Lambert, no regions", false, false, few.clone(), "7 Hz"),
         ("Lambert", false, true, few, "70 % faster: 12 Hz"),
@@ -184,7 +200,7 @@ pub fn paper(map: &PolarMap) -> Result<Vec<Case>> {
         .map(|(name, is_glossy, culling, lights, note)| Case {
             model: Model::OnGround { segments: FEW_SEGMENTS, is_glossy },
             note: note.to_owned(),
-            ..case(name, 0, Options { culling, ..hard }, lights)
+            ..case(name, 0, sized(SMALL, DirectionalOptions { culling, ..hard }), lights)
         })
         .collect())
 }
@@ -197,8 +213,11 @@ pub fn full_size(map: &PolarMap) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for (count, aim) in [(72, "240 Hz"), (300, "60 Hz")] {
         let lights = Lights::of_map(map, count)?;
-        for (shadows, soft_samples) in [("hard", 1), ("soft", Options::default().soft_samples)] {
-            let options = Options { lights: count, soft_samples, ..sized([1920, 1080]) };
+        for (shadows, soft_samples) in [("hard", 1), ("soft", DirectionalOptions::default().soft_samples)] {
+            let options = sized(
+                [1920, 1080],
+                DirectionalOptions { lights: count, soft_samples, ..DirectionalOptions::default() },
+            );
             cases.push(Case {
                 note: aim.to_owned(),
                 ..case(format!("{shadows} shadows"), FEW_SEGMENTS, options, lights.clone())
@@ -257,8 +276,11 @@ mod tests {
         let cases = [growth(&map), paper(&map), full_size(&map)].map(Result::unwrap).concat();
         assert_eq!(cases.len(), 7 + 3 + 4);
         for Case { name, options, lights, .. } in cases {
-            assert!(options.lights <= lights.lights.len(), "{name}");
-            assert!(lights.lights.len() == options.lights || name.starts_with("glossy"), "{name}");
+            assert!(options.directional.lights <= lights.lights.len(), "{name}");
+            assert!(
+                lights.lights.len() == options.directional.lights || name.starts_with("glossy"),
+                "{name}"
+            );
         }
     }
 }

@@ -103,8 +103,8 @@ impl OpenWindow {
         renderer.set_look(&look)?;
         renderer.pose(time_s);
         let first_camera = camera(&renderer)?;
-        let quality = reserved(renderer.options());
-        let inset = Inset::new(renderer.gpu(), map, options.lights, screen.format());
+        let quality = reserved(&renderer.options().directional);
+        let inset = Inset::new(renderer.gpu(), map, options.directional.lights, screen.format());
         let mut view = Self {
             screen,
             renderer,
@@ -178,7 +178,8 @@ impl OpenWindow {
             }
             Command::MoreLights | Command::FewerLights => {
                 let is_more = command == Command::MoreLights;
-                self.most = stepped(self.most.lights, is_more, reserved(self.renderer.options()));
+                self.most =
+                    stepped(self.most.lights, is_more, reserved(&self.renderer.options().directional));
                 self.has_moved = true;
             }
             Command::Save => self.save()?,

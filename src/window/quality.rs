@@ -1,13 +1,13 @@
 //! How many lights and shadow maps a picture has.
 
-use crate::render::Options;
+use crate::render::DirectionalOptions;
 use crate::render::budget::Quality;
 
 /// By how much a key changes the number of lights.
 const LIGHTS_STEP: f64 = 1.25;
 
 /// The most that a renderer of these options can be asked for.
-pub(super) fn reserved(options: &Options) -> Quality {
+pub(super) fn reserved(options: &DirectionalOptions) -> Quality {
     Quality { lights: options.lights, shadow_maps: options.shadow_maps.min(options.lights) }
 }
 

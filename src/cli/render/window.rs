@@ -73,11 +73,12 @@ impl Window<'_> {
         let options = options(arguments);
         let budget = arguments.budget.map(|budget_ms| {
             let default = BudgetOptions::default();
-            let most_shadow_maps = options.shadow_maps.min(options.lights);
+            let reserved = &options.directional;
+            let most_shadow_maps = reserved.shadow_maps.min(reserved.lights);
             BudgetOptions {
                 target_frame_time_ns: (budget_ms * 1e6) as u64,
-                least_lights: default.least_lights.min(options.lights),
-                most_lights: options.lights,
+                least_lights: default.least_lights.min(reserved.lights),
+                most_lights: reserved.lights,
                 least_shadow_maps: default.least_shadow_maps.min(most_shadow_maps),
                 most_shadow_maps,
             }

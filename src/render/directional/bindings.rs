@@ -1,5 +1,6 @@
 //! The buffers of the lighting, and the bind groups that give them to its passes.
 
+use super::DirectionalOptions;
 use super::energy;
 use super::light_space::LightSpace;
 use super::lights::GpuLight;
@@ -8,7 +9,6 @@ use super::shade::{ShadePass, ShadeUniform};
 use super::shadow::ShadowPass;
 use crate::gpu::{Array, Gpu};
 use crate::render::geometry::Instance;
-use crate::render::options::Options;
 
 pub(super) struct Buffers {
     pub space: Array<LightSpace>,
@@ -40,7 +40,7 @@ pub(super) struct Passes {
 }
 
 impl Buffers {
-    pub fn new(gpu: &Gpu, options: &Options, high: &RegionSet, low: &RegionSet) -> Self {
+    pub fn new(gpu: &Gpu, options: &DirectionalOptions, high: &RegionSet, low: &RegionSet) -> Self {
         use wgpu::BufferUsages as Usage;
         let mut tables = Array::new(gpu, "region tables", Usage::STORAGE, 1);
         tables.write(gpu, &[high.regions.table(), low.regions.table()].concat());

@@ -2,16 +2,19 @@
 
 use crate::gpu::Gpu;
 use crate::render::test_scenes::*;
-use crate::render::{Options, Renderer};
+use crate::render::{DirectionalOptions, Options, Renderer};
 use crate::scene::Material;
 
 const CULLED: Options = Options {
     width_px: 96,
     height_px: 72,
-    lights: 300,
-    shadow_maps: 72,
-    soft_samples: 1,
-    count_lights: true,
+    directional: DirectionalOptions {
+        lights: 300,
+        shadow_maps: 72,
+        soft_samples: 1,
+        count_lights: true,
+        ..OPTIONS.directional
+    },
     ..OPTIONS
 };
 
@@ -21,7 +24,8 @@ fn culling_leaves_out_only_what_cannot_be_seen() {
     let material = Material::lambert([0.8, 0.5, 0.3]);
     let mut culled = Renderer::new(gpu, sphere_on_ground(material.clone()), &CULLED).unwrap();
     let Some(gpu) = Gpu::for_test() else { return };
-    let options = Options { culling: false, ..CULLED };
+    let options =
+        Options { directional: DirectionalOptions { culling: false, ..CULLED.directional }, ..CULLED };
     let mut full = Renderer::new(gpu, sphere_on_ground(material), &options).unwrap();
     let (mut found, mut expected) = (Vec::new(), Vec::new());
     for lights in [sky(300), furnace(300), furnace(7), vec![light(0, glam::Vec3::X, 1.0)]] {

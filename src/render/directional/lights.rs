@@ -1,8 +1,8 @@
 //! From a list to the lights on the device: set H, set L and the shadow map of each (Havran et al. 2005,
 //! sections 4.2 and 5.2.1).
 
+use super::DirectionalOptions;
 use super::tiles::Tiles;
-use crate::render::options::Options;
 use bytemuck::{Pod, Zeroable};
 use lightcast_core::light::{Light, Prefixes, cluster};
 
@@ -40,7 +40,7 @@ impl LightSets {
     /// Set H is the prefix of the list, clustered if the options say so; if the list is longer and there are
     /// cones to use it in, set L is the whole of it. A light of L has the shadow map of the light of H that
     /// it has joined.
-    pub fn update(&mut self, list: &[Light], options: &Options) {
+    pub fn update(&mut self, list: &[Light], options: &DirectionalOptions) {
         self.prefixes.prefix_with_heads(list, options.lights, &mut self.high, &mut self.heads);
         if let Some(most) = options.clusters {
             cluster(&self.high, most, &mut self.clusters, &mut self.places);

@@ -9,6 +9,7 @@ mod energy;
 mod exact_shadow;
 mod light_space;
 mod lights;
+mod options;
 #[cfg(test)]
 mod read_back;
 #[cfg(test)]
@@ -26,7 +27,6 @@ mod shadow_tests;
 mod soft_shadow_tests;
 mod tiles;
 
-use super::options::Options;
 use super::view::Seen;
 use super::world::World;
 use crate::error::Result;
@@ -35,6 +35,7 @@ use bindings::{BindGroups, Buffers, Passes};
 use light_space::LightSpace;
 use lightcast_core::light::{Light, Regions};
 use lights::LightSets;
+pub use options::DirectionalOptions;
 use regions::{Assignment, RegionPass, RegionSet};
 use shade::{ShadePass, ShadeUniform};
 use shadow::ShadowPass;
@@ -63,7 +64,7 @@ pub(super) struct Directional {
 
 impl Directional {
     /// With room for what `options` say, to light views like `seen` of this world.
-    pub fn new(gpu: &Gpu, world: &World, seen: &Seen, options: &Options) -> Self {
+    pub fn new(gpu: &Gpu, world: &World, seen: &Seen, options: &DirectionalOptions) -> Self {
         let passes = Passes {
             high: RegionSet::new(gpu, Regions::for_normals()),
             low: RegionSet::new(gpu, cone_regions(options.cone_rad)),
@@ -78,7 +79,7 @@ impl Directional {
 
     /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists
     /// before.
-    pub fn release_shadow_maps(&mut self, options: &Options) {
+    pub fn release_shadow_maps(&mut self, options: &DirectionalOptions) {
         self.sets.update(&[], options);
     }
 
@@ -90,7 +91,7 @@ impl Directional {
         timer: &mut Timer,
         lights: &[Light],
         world: &World,
-        options: &Options,
+        options: &DirectionalOptions,
     ) {
         let buffers = &mut self.buffers;
         self.sets.update(lights, options);
@@ -143,7 +144,7 @@ impl Directional {
     }
 
     /// Where the lists of both sets lie.
-    fn assignments(&self, options: &Options) -> (Assignment, Assignment) {
+    fn assignments(&self, options: &DirectionalOptions) -> (Assignment, Assignment) {
         let high_count = self.sets.high_count as u32;
         let high =
             Assignment { first_light: 0, light_count: high_count, capacity: high_count, first_word: 0 };
@@ -156,7 +157,7 @@ impl Directional {
         (high, low)
     }
 
-    fn uniform(&self, options: &Options, high: Assignment, low: Assignment) -> ShadeUniform {
+    fn uniform(&self, options: &DirectionalOptions, high: Assignment, low: Assignment) -> ShadeUniform {
         let has_low = self.sets.low_count() > 0 && options.culling;
         ShadeUniform {
             high_count: high.light_count,

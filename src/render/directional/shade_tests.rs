@@ -2,7 +2,7 @@
 
 use crate::gpu::Gpu;
 use crate::render::test_scenes::*;
-use crate::render::{Options, Renderer};
+use crate::render::{DirectionalOptions, Options, Renderer};
 use crate::scene::{Material, Scene, Shading};
 use glam::{UVec2, Vec3};
 
@@ -37,13 +37,16 @@ fn the_shader_equals_its_twin() {
         let options = Options {
             width_px: SIZE[0],
             height_px: SIZE[1],
-            lights: 24,
-            shadow_maps: 9,
-            shadow_map_px: 128,
-            soft_samples,
-            culling,
-            region_lights,
-            count_lights: true,
+            directional: DirectionalOptions {
+                lights: 24,
+                shadow_maps: 9,
+                shadow_map_px: 128,
+                soft_samples,
+                culling,
+                region_lights,
+                count_lights: true,
+                ..DirectionalOptions::default()
+            },
             ..Options::default()
         };
         let mut renderer = Renderer::new(gpu, four_materials(), &options).unwrap();

@@ -4,7 +4,7 @@ use super::exact_shadow::Sheets;
 use super::shade_twin::{Lookup, terminator};
 use crate::gpu::Gpu;
 use crate::render::test_scenes::*;
-use crate::render::{Options, Renderer};
+use crate::render::{DirectionalOptions, Options, Renderer};
 use crate::scene::{Camera, Material, Texture, Wrap};
 use glam::{DVec2, UVec2, Vec3};
 use std::f32::consts::PI;
@@ -14,13 +14,16 @@ const SIZE: [u32; 2] = [128, 96];
 const HARD: Options = Options {
     width_px: SIZE[0],
     height_px: SIZE[1],
-    lights: 2,
-    shadow_maps: 1,
-    shadow_map_px: 256,
-    soft_samples: 1,
-    culling: false,
-    cone_rad: 0.0,
-    region_lights: 0,
+    directional: DirectionalOptions {
+        lights: 2,
+        shadow_maps: 1,
+        shadow_map_px: 256,
+        soft_samples: 1,
+        culling: false,
+        cone_rad: 0.0,
+        region_lights: 0,
+        ..OPTIONS.directional
+    },
     ..OPTIONS
 };
 

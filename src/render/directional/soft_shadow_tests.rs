@@ -2,7 +2,7 @@
 
 use crate::gpu::Gpu;
 use crate::render::test_scenes::*;
-use crate::render::{Options, Renderer};
+use crate::render::{DirectionalOptions, Options, Renderer};
 use crate::scene::{Camera, Material};
 use glam::{UVec2, Vec3};
 use lightcast_core::light::Light;
@@ -16,12 +16,15 @@ fn edge(height: f32, spread_rad: f32, soft_samples: u32, plate_casts_far: bool) 
     let options = Options {
         width_px: SIZE[0],
         height_px: SIZE[1],
-        lights: 1,
-        shadow_maps: 1,
-        shadow_map_px: 512,
-        soft_samples,
-        culling: false,
-        cone_rad: 0.0,
+        directional: DirectionalOptions {
+            lights: 1,
+            shadow_maps: 1,
+            shadow_map_px: 512,
+            soft_samples,
+            culling: false,
+            cone_rad: 0.0,
+            ..DirectionalOptions::default()
+        },
         ..Options::default()
     };
     // The plate covers x < 0. Where something else stands higher, the search for what hides the light must

@@ -18,8 +18,8 @@ impl Renderer {
     /// what the options reserved.
     pub fn set_quality(&mut self, quality: Quality) {
         self.quality = Quality {
-            lights: quality.lights.clamp(1, self.options.lights),
-            shadow_maps: quality.shadow_maps.min(self.options.shadow_maps),
+            lights: quality.lights.clamp(1, self.options.directional.lights),
+            shadow_maps: quality.shadow_maps.min(self.options.directional.shadow_maps),
         };
     }
 

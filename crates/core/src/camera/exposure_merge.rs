@@ -49,8 +49,8 @@ pub struct MergeCounts {
 /// Merges exposures of raw codes, one cycle after the other, without allocating once the size is known.
 ///
 /// ```
-/// # use lightcast::camera::{ExposureMerge, Response, ResponseModel, SensorNoise};
-/// # use lightcast::image::{Frame, Pixels};
+/// # use lightcast_core::camera::{ExposureMerge, Response, ResponseModel, SensorNoise};
+/// # use lightcast_core::image::{Frame, Pixels};
 /// let response = Response::new(ResponseModel::Linear { black_level: 0, white_level: 255, gain: 0.01 })?;
 /// let mut merge = ExposureMerge::new(&response, &[0.1, 0.001], &SensorNoise::default())?;
 /// let frame = |code| Frame { width: 1, height: 1, pixels: Pixels::Codes(vec![code]), ..Frame::default() };
@@ -59,7 +59,7 @@ pub struct MergeCounts {
 /// merge.add(&frame(100), 1)?;
 /// let counts = merge.finish(&mut radiance)?;
 /// assert_eq!((radiance.pixels, counts.saturated), (Pixels::Radiance(vec![1000.0]), 0));
-/// # Ok::<(), lightcast::error::Error>(())
+/// # Ok::<(), lightcast_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct ExposureMerge {
