@@ -4,12 +4,12 @@
 use super::Corner;
 use crate::error::{Error, Result};
 use crate::files::GreyPicture;
+use crate::rt::contained;
 use ::aprilgrid::TagFamily;
 use ::aprilgrid::detector::{DetectorParams, TagDetector};
 use glam::DVec2;
 use serde::Deserialize;
 use std::io::Read;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// Sizes of a board.
@@ -135,8 +135,8 @@ impl AprilGrid {
         let grey = ::image::GrayImage::from_raw(*width as u32, *height as u32, values.clone())
             .ok_or_else(|| Error::bad_frame("is too large to look for a board in"))?;
         let grey = ::image::DynamicImage::ImageLuma8(grey);
-        let tags = catch_unwind(AssertUnwindSafe(|| detector.detect(&grey)))
-            .map_err(|_| Error::bad_frame("the detector of AprilGrids gave up on it"))?;
+        let tags = contained(|| detector.detect(&grey))
+            .map_err(|said| Error::bad_frame("the detector of AprilGrids gave up on it").because(said))?;
         let mut tags: Vec<_> = tags.into_iter().collect();
         tags.sort_unstable_by_key(|(tag, _)| *tag);
         Ok(tags

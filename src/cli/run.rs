@@ -17,6 +17,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use systemd::Watchdog;
 
@@ -31,7 +32,8 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 /// lost, and the pixels that were saturated or invalid.
 ///
 /// Ctrl-C (SIGINT) or SIGTERM ends the run after the frames under way, and all lists written are whole; a
-/// second signal ends it at once with exit code 128 + signal. A reader that closes the pipe ends the run too.
+/// second signal ends it at once with exit code 128 + signal. A reader that closes the pipe ends the run too,
+/// unless clients are served.
 ///
 /// A camera that is unplugged or does not answer is started again until it is back.
 ///
@@ -49,11 +51,12 @@ pub(super) struct Arguments {
     #[command(flatten)]
     pub config: ConfigurationArguments,
 
-    /// Write the light lists to this file instead of standard output [default with --listen: nowhere].
+    /// Write the light lists to this file instead of standard output [default with --listen: nowhere]. With
+    /// --listen, or a camera, a slow reader of it loses lists, which are counted, and holds nobody up.
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
 
-    /// Draw maps with their lights into this folder.
+    /// Draw maps with their lights into this folder; with --listen, or a camera, those that there is time for.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
@@ -155,6 +158,8 @@ pub(super) struct OutputFile<'a> {
     /// Lists that clients get are written only where that is asked for.
     is_streamed: bool,
     file: Rc<RefCell<Option<File>>>,
+    /// Whether the last service had to leave a line unfinished.
+    is_cut: Arc<AtomicBool>,
 }
 
 impl<'a> OutputFile<'a> {
@@ -163,6 +168,7 @@ impl<'a> OutputFile<'a> {
             path: arguments.output.as_deref(),
             is_streamed: arguments.listen.is_some(),
             file: Rc::default(),
+            is_cut: Arc::default(),
         }
     }
 
@@ -171,7 +177,8 @@ impl<'a> OutputFile<'a> {
         let Some(path) = self.path else {
             return (!self.is_streamed).then(|| Output::new("standard output", io::stdout()));
         };
-        let (path, file, shutdown) = (path.to_owned(), self.file.clone(), shutdown.clone());
+        let (path, file) = (path.to_owned(), self.file.clone());
+        let (is_cut, shutdown) = (self.is_cut.clone(), shutdown.clone());
         let name = path.display().to_string();
         let open = move || -> Result<Box<dyn io::Write + Send>> {
             let failed =
@@ -182,7 +189,7 @@ impl<'a> OutputFile<'a> {
                 None => file.insert(File::create(&path).map_err(failed)?),
             };
             let file = file.try_clone().map_err(failed)?;
-            Ok(Box::new(StoppableWriter::new(file, &shutdown).map_err(failed)?))
+            Ok(Box::new(StoppableWriter::new(file, &is_cut, &shutdown).map_err(failed)?))
         };
         Some(Output { name, open: Box::new(open) })
     }

@@ -37,7 +37,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let script = Script::load(&arguments.script, data.as_deref())?;
     let folder = &arguments.output;
     std::fs::create_dir_all(folder)
-        .map_err(|error| Error::failed(format!("{}: cannot be made", folder.display())).because(error))?;
+        .map_err(|error| Error::failed("cannot be made").because(error).at(folder))?;
     let frames = arguments.frames.map_or(script.frames, |frames| frames as usize);
 
     let progress = Progress::of(Some(frames as u64), "frames");
@@ -67,9 +67,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     );
     if let Some(calibration) = script.calibration() {
         let path = folder.join("calibration.json");
-        std::fs::write(&path, calibration.to_json()).map_err(|error| {
-            Error::failed(format!("{}: cannot be written", path.display())).because(error)
-        })?;
+        std::fs::write(&path, calibration.to_json())
+            .map_err(|error| Error::failed("cannot be written").because(error).at(&path))?;
         tracing::info!("{}: lens and response", path.display());
         if script.world_from_camera() != LOOKING_UP {
             let rows = script.world_from_camera().transpose().to_cols_array_2d();

@@ -17,6 +17,8 @@ pub enum Place {
     Byte(usize),
     /// A frame, by its number in the sequence.
     Frame(u64),
+    /// A light list, by its sequence number.
+    List(u64),
     /// A key of a configuration, script or table.
     Key {
         /// As in `sky.sun.path[1].time_s`, beginning in the table that the fault was found in.
@@ -53,6 +55,7 @@ impl fmt::Display for Place {
             Self::Line { number, written: Some(written) } => write!(f, "line {number} (`{written}`)"),
             Self::Byte(number) => write!(f, "byte {number}"),
             Self::Frame(number) => write!(f, "frame {number}"),
+            Self::List(number) => write!(f, "list {number}"),
             Self::Key { name, value: None } => f.write_str(name),
             Self::Key { name, value: Some(value) } => write!(f, "{name} = {value}"),
             Self::Part(name) => f.write_str(name),

@@ -1,6 +1,6 @@
 //! Times of whole frames of a renderer, and of the passes that they are made of.
 
-use super::picture_error::median;
+use super::median::median;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::render::{Options, Renderer};

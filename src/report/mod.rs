@@ -7,6 +7,7 @@ pub mod folder;
 #[cfg(feature = "render")]
 pub mod frame_time;
 pub mod machine;
+mod median;
 pub mod page;
 mod page_plots;
 pub mod pareto;

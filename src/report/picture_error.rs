@@ -47,12 +47,6 @@ pub fn mean_flip(reference: &[[f32; 4]], test: &[[f32; 4]], width: usize) -> f64
     if count == 0 { 0.0 } else { sum / count as f64 }
 }
 
-/// The middle one, of an even number the upper of the two middle ones; `None` for none.
-pub fn median<T: Ord + Copy>(values: &mut [T]) -> Option<T> {
-    values.sort_unstable();
-    values.get(values.len() / 2).copied()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -111,11 +105,8 @@ mod tests {
     }
 
     #[test]
-    fn means_are_geometric_and_medians_in_the_middle() {
+    fn means_are_geometric() {
         assert!((geometric_mean([0.01, 0.0001]) - 0.001).abs() < 1e-15);
         assert_eq!((geometric_mean([0.0, 4.0]), geometric_mean([])), (0.0, 0.0));
-        assert_eq!(median(&mut [5, 1, 9]), Some(5));
-        assert_eq!(median(&mut [5, 1, 9, 7]), Some(7));
-        assert_eq!(median::<u32>(&mut []), None);
     }
 }

@@ -9,6 +9,7 @@
 //! see the repetitions of the first.
 
 use super::filtered_truth::filtered;
+use super::median::median;
 use super::sequence_maps::{garden_frame, hall_frame};
 use crate::compare::sequence_methods::SequenceMethod;
 use crate::compare::still_methods::SHAPE;
@@ -178,7 +179,6 @@ impl Sequence {
                 return Ok(None);
             }
         }
-        times.sort();
         let figures = || {
             let (after, filtered_truth) = (&after[self.start_up..], &self.filtered_truth[self.start_up..]);
             Some(BeforeAndAfter {
@@ -188,7 +188,7 @@ impl Sequence {
                 soft_after: figures(after, filtered_truth, soft, goes_on)?,
             })
         };
-        Ok(figures().map(|measured| Timed { measured, time: times[times.len() / 2] }))
+        Ok(figures().map(|measured| Timed { measured, time: median(&mut times).unwrap_or_default() }))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Error and time of the lights of single maps: the table of METHODS section 6.
 
+use super::median::median;
 use crate::compare::still_methods::{COUNTS, METHODS, PUBLISHED_MAPS, StillMethod};
 use crate::error::Result;
 use lightcast_core::image::{PolarMap, luminance_f64};
@@ -92,8 +93,7 @@ fn median_time(mut run: impl FnMut()) -> Duration {
         run();
         times.push(start.elapsed());
     }
-    times.sort();
-    times[times.len() / 2]
+    median(&mut times).unwrap_or_default()
 }
 
 /// Geometric means of the errors of rows with the same method and number of lights, in the order of

@@ -145,6 +145,15 @@ impl Outlet for Nowhere {
     }
 }
 
+/// Why a stage has ended without an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// There is nothing to come, nobody to send to, or everything is to end.
+    WithOthers,
+    /// By [`Flow::End`]: it has nothing left to do while others go on.
+    ByItself,
+}
+
 /// Runs `stage` until its inlet or outlet closes, it ends or fails, and then finishes it. Bad frames are
 /// counted, and each is named once in the log (the first [`BAD_FRAMES_NAMED`] of a stage; more would bury
 /// everything else).
@@ -158,7 +167,7 @@ pub fn run<I, O, S>(
     clock: &Clock,
     shutdown: &Shutdown,
     metrics: &Metrics,
-) -> Result<()>
+) -> Result<Ended>
 where
     I: Inlet,
     O: Outlet,
@@ -166,7 +175,8 @@ where
 {
     let outcome = steps(&mut stage, inlet, outlet, clock, shutdown, metrics);
     let finished = stage.finish(outcome.is_ok() && !shutdown.is_aborted());
-    outcome.and(finished)
+    let ended = outcome?;
+    finished.map(|()| ended)
 }
 
 fn steps<I, O, S>(
@@ -176,7 +186,7 @@ fn steps<I, O, S>(
     clock: &Clock,
     shutdown: &Shutdown,
     metrics: &Metrics,
-) -> Result<()>
+) -> Result<Ended>
 where
     I: Inlet,
     O: Outlet,
@@ -184,7 +194,7 @@ where
 {
     let mut named = Vec::new();
     let mut lost = 0;
-    let Ok(mut output) = outlet.take() else { return Ok(()) };
+    let Ok(mut output) = outlet.take() else { return Ok(Ended::WithOthers) };
     while let Some(mut input) = inlet.receive() {
         metrics.drops.add(input.overwritten());
         input.lose(lost);
@@ -194,7 +204,8 @@ where
         match flow {
             Ok(Flow::Send) => {}
             Ok(Flow::SendAt { time_ns }) if clock.wait_until(time_ns, shutdown) => {}
-            Ok(Flow::SendAt { .. } | Flow::End) => return Ok(()),
+            Ok(Flow::SendAt { .. }) => return Ok(Ended::WithOthers),
+            Ok(Flow::End) => return Ok(Ended::ByItself),
             Err(error) if error.kind() == Kind::BadFrame => {
                 lost = input.lost_before() + 1;
                 metrics.bad_frames.add(1);
@@ -209,16 +220,16 @@ where
         metrics.frames.add(1);
         metrics.time_ns.record(elapsed_ns);
         if outlet.send(output).is_err() {
-            return Ok(());
+            return Ok(Ended::WithOthers);
         }
-        let Ok(next) = outlet.take() else { return Ok(()) };
+        let Ok(next) = outlet.take() else { return Ok(Ended::WithOthers) };
         output = next;
     }
-    Ok(())
+    Ok(Ended::WithOthers)
 }
 
 /// Bad frames that one stage names in the log.
-pub const BAD_FRAMES_NAMED: usize = 10;
+const BAD_FRAMES_NAMED: usize = 10;
 
 /// A sequence that repeats meets the same file again: `named` remembers what was said.
 fn name_once(stage: &'static str, message: String, named: &mut Vec<String>) {

@@ -12,9 +12,9 @@ use std::sync::Arc;
 /// Who gets what a service captures and makes. Each has a link of its own, and none is made unless it is
 /// asked for.
 ///
-/// Where the source is live or clients are served, none of them holds up the service: files miss what they
-/// were too slow for, which is counted, and all others get the newest. A replay without clients waits for all
-/// but the window.
+/// Where links are live or clients are served, none of them holds up the service: files miss what they were
+/// too slow for, which is counted, and all others get the newest. A replay without clients waits for all but
+/// the window.
 #[derive(Default)]
 pub struct Ends {
     /// The frames as they are captured. Its failure, by a full disk say, ends it alone, and is told in the

@@ -2,7 +2,7 @@ use super::Summary;
 use crate::error::{Error, Result};
 use crate::rt::fan_out::FanOut;
 use crate::rt::link::{Copied, PartOf, Receiver, Sender};
-use crate::rt::stage::{self, Inlet, Nowhere, Stage};
+use crate::rt::stage::{self, Ended, Inlet, Nowhere, Stage};
 use crate::rt::{Clock, Metrics, Shutdown, Threads};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -27,7 +27,7 @@ type Start = Box<dyn FnOnce(&mut Threads) -> Result<()>>;
 pub(super) enum Departure {
     /// All end; an error is that of the service.
     EndsAll,
-    /// They go on. An error is logged at once, and told when all have ended.
+    /// They go on. That it has ended is logged at once; an error is told when all have ended, too.
     IsTold,
 }
 
@@ -89,7 +89,7 @@ impl Graph {
                 // Whoever ends first ends all. Without this a source that waits for a frame's time would find
                 // out only when it has come that nobody reads any more.
                 shutdown.request();
-                outcome
+                outcome.map(|_| ())
             })
         }));
         Output(output)
@@ -108,11 +108,20 @@ impl Graph {
                 let outcome = stage::run(stage, inlet, Nowhere, &clock, &shutdown, &metrics);
                 if departure == Departure::EndsAll {
                     shutdown.request();
-                    return outcome;
+                    return outcome.map(|_| ());
                 }
-                if let Err(error) = outcome {
-                    tracing::error!("{} has ended, all else goes on: {error}", metrics.name());
-                    aside.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                match outcome {
+                    Ok(Ended::WithOthers) => {}
+                    Ok(Ended::ByItself) => {
+                        tracing::warn!(
+                            "{} is done, or has no reader any more; all else goes on",
+                            metrics.name()
+                        );
+                    }
+                    Err(error) => {
+                        tracing::error!("{} has ended, all else goes on: {error}", metrics.name());
+                        aside.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                    }
                 }
                 Ok(())
             })

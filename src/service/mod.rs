@@ -25,7 +25,7 @@ use crate::design::{RateFilter, low_pass};
 use crate::error::{Error, Result};
 use crate::net::{PostLists, PostMaps};
 use crate::rt::link::{self, Item};
-use crate::rt::{Metrics, Shutdown};
+use crate::rt::{Counter, Metrics, Shutdown};
 use crate::stage;
 use graph::{Departure, Graph, Running};
 use lightcast_core::image::{Frame, PolarMap};
@@ -107,7 +107,7 @@ impl Service {
         let frame_count = source.frame_count();
         let metrics = Metrics::new("record");
         let record = recorder::recorder(config, options, &source, &metrics)?;
-        let link = recorder::recorder_link(options, &source, &metrics, shutdown);
+        let link = recorder::recorder_link(options, source.waits(), &metrics, shutdown);
         let mut graph = Graph::new(source.clock(config.pace == Pace::Fast), shutdown);
         let frames = source.add_to(&mut graph).copies(link, 1);
         graph.end(metrics, record, frames, Departure::EndsAll);
@@ -126,19 +126,27 @@ impl Service {
         mut each: impl FnMut(&Frame) -> Result<()>,
     ) -> Result<()> {
         let source = OpenedSource::open(config)?;
+        let frame_count = source.frame_count();
         let mut graph = Graph::new(source.clock(config.pace == Pace::Fast), shutdown);
         let link = link::bounded(LINK_CAPACITY, shutdown, Frame::default);
         let mut frames = source.add_to(&mut graph).next(link);
         let running = graph.start()?;
         let mut outcome = Ok(());
-        for _ in 0..count {
-            let Some(frame) = frames.receive() else { break };
+        let mut taken = 0;
+        while taken < count
+            && let Some(frame) = frames.receive()
+        {
+            taken += 1;
             outcome = each(&frame);
             if outcome.is_err() {
                 break;
             }
         }
-        if outcome.is_ok() && shutdown.is_requested() {
+        // A sequence that ends asks for the end too: then all of its frames have been seen, bad ones too.
+        let seen =
+            running.summary.stage("source").map_or(0, |source| source.frames.get() + source.bad_frames.get());
+        let has_ended = frame_count.is_some_and(|frame_count| seen >= frame_count);
+        if outcome.is_ok() && taken < count && shutdown.is_requested() && !has_ended {
             outcome = Err(Error::failed("interrupted before all frames were taken"));
         }
         drop(frames);
@@ -185,6 +193,9 @@ fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: 
         graph.end(metrics, record, frames.copies(link, 1), Departure::IsTold);
     }
 
+    if !wants_lists && maps_in.is_none() {
+        return Ok(graph);
+    }
     let frames = frames.next(connect(config.links, shutdown, Frame::default));
     let maps = graph.stage(opened.calibrate.0, opened.calibrate.1, frames, black());
     if let Some(maps_in) = maps_in {
@@ -199,8 +210,9 @@ fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: 
         // and with it the list that the map waits for.
         let waiting = u64::from(opened.delay_frames) / every.max(1) + 1;
         let metrics = Metrics::new("picture");
-        let link = files.link(LINK_CAPACITY + waiting as usize, &metrics, black);
-        (metrics, stage::Picture::new(maps.copies(link, every), folder))
+        let link = files.link(LINK_CAPACITY + waiting as usize, metrics.drops.clone(), black);
+        let drops = metrics.drops.clone();
+        (metrics, stage::Picture::new(maps.copies(link, every), folder, drops))
     });
 
     if !wants_lists {
@@ -224,15 +236,16 @@ fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: 
     }
     if let Some(publish) = opened.publish {
         let metrics = Metrics::new("publish");
-        let link = files.link(LIST_QUEUE, &metrics, LightList::default);
+        let link = files.link(LIST_QUEUE, metrics.drops.clone(), LightList::default);
         graph.end(metrics, publish, filtered.copies(link, 1), departure);
     }
     if let Some((metrics, picture)) = picture {
-        let link = files.link(LINK_CAPACITY, &metrics, LightList::default);
+        // Most lists have no map to be drawn on: it is the maps without a list that are counted.
+        let link = files.link(LIST_QUEUE, Counter::default(), LightList::default);
         graph.end(metrics, picture, filtered.copies(link, 1), departure);
     }
     for ListReader { metrics, stage } in readers {
-        let link = connect(config.links, shutdown, LightList::default);
+        let link = connect(if waits { Links::Replay } else { Links::Live }, shutdown, LightList::default);
         graph.end(metrics, stage, filtered.copies(link, 1), departure);
     }
     Ok(graph)
@@ -263,7 +276,9 @@ impl Opened {
             Some(options) => {
                 let metrics = Metrics::new("record");
                 let record = recorder::recorder(config, options, source, &metrics)?;
-                let link = recorder::recorder_link(options, source, &metrics, shutdown);
+                // Clients wait for no disk.
+                let waits = source.waits() && ends.board.is_none();
+                let link = recorder::recorder_link(options, waits, &metrics, shutdown);
                 Some((metrics, record, link))
             }
         };
@@ -301,17 +316,17 @@ struct FileLinks<'a> {
 }
 
 impl FileLinks<'_> {
-    /// A link of `capacity` items; those that find no room where nobody waits are drops of `metrics`.
+    /// A link of `capacity` items; those that find no room where nobody waits are counted by `dropped`.
     fn link<T: Item>(
         &self,
         capacity: usize,
-        metrics: &Metrics,
+        dropped: Counter,
         make: impl FnMut() -> T,
     ) -> (link::Sender<T>, link::Receiver<T>) {
         if self.waits {
             link::bounded(capacity, self.shutdown, make)
         } else {
-            link::lossy(capacity, metrics.drops.clone(), self.shutdown, make)
+            link::lossy(capacity, dropped, self.shutdown, make)
         }
     }
 }

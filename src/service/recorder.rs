@@ -69,14 +69,14 @@ pub(super) fn recorder(
     Record::new(options.folder.clone(), recording, table, options.frames_max, metrics)
 }
 
-/// The way to a recorder: files wait for it, a camera cannot.
+/// The way to a recorder, for which the source may wait or not.
 pub(super) fn recorder_link(
     options: &RecordOptions,
-    source: &OpenedSource,
+    waits: bool,
     metrics: &Metrics,
     shutdown: &Shutdown,
 ) -> (link::Sender<Frame>, link::Receiver<Frame>) {
-    if source.waits() {
+    if waits {
         link::bounded(options.queue, shutdown, Frame::default)
     } else {
         link::lossy(options.queue, metrics.drops.clone(), shutdown, Frame::default)

@@ -27,17 +27,17 @@ impl Summary {
         &self.stages
     }
 
-    /// Something that grows as long as the service is well: the lists that it has made, and the attempts to
-    /// start a camera that is away.
+    /// Something that grows as long as the service is well: its lists, see [`Self::lists_made`], and the
+    /// attempts to start a camera that is away.
     pub fn progress(&self) -> u64 {
         let counters = self.stage("source").map(Metrics::counters).unwrap_or_default();
         let attempts = counters.iter().find(|(name, _)| *name == ATTEMPTS).map_or(0, |counter| counter.1);
         self.lists_made() + attempts
     }
 
-    /// Filtered light lists, whoever takes them.
+    /// Filtered light lists that clients can have; without clients, those that have been made.
     pub fn lists_made(&self) -> u64 {
-        self.stage("filter").map_or(0, |filter| filter.frames.get())
+        self.stage("board").or_else(|| self.stage("filter")).map_or(0, |stage| stage.frames.get())
     }
 
     /// What the stage of this name has done.

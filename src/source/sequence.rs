@@ -185,10 +185,10 @@ impl Sequence {
         }
         let (found, expected) = (found.describe(), self.format.describe());
         Err(Error::bad_frame(format!(
-            "{}: is {found}, but {} is {expected}; all frames must be alike",
-            path.display(),
+            "is {found}, but {} is {expected}; all frames must be alike",
             self.model.display()
-        )))
+        ))
+        .at(path))
     }
 }
 
@@ -198,10 +198,10 @@ fn read_as(bayer: Option<Bayer>, path: &Path, frame: &mut Frame) -> Result<Attri
     if let Some(bayer) = bayer {
         if frame.channels != 1 || matches!(frame.pixels, Pixels::Radiance(_)) {
             return Err(Error::bad_frame(format!(
-                "{}: is no mosaic of colours {bayer}, which is a picture of one channel of raw sensor codes; remove \
-                 the key `bayer` of [source] or give the sensor's own codes",
-                path.display()
-            )));
+                "is no mosaic of colours {bayer}, which is a picture of one channel of raw sensor codes; remove \
+                 the key `bayer` of [source] or give the sensor's own codes"
+            ))
+            .at(path));
         }
         frame.bayer = Some(bayer);
     }
@@ -220,12 +220,11 @@ fn first_readable<'a>(
             Err(error) => first_error = first_error.or(Some(error)),
         }
     }
-    let path = options.path.display();
-    let mut fault = Error::failed(format!("{path}: none of {} files can be used", files.len()));
+    let mut fault = Error::failed(format!("none of {} files can be used", files.len()));
     if let Some(error) = first_error {
         fault = fault.because(error);
     }
-    Err(fault)
+    Err(fault.at(&options.path))
 }
 
 impl FrameSource for Sequence {

@@ -20,7 +20,7 @@ pub use picture::Picture;
 pub use publish::Publish;
 pub use record::{Record, Recording, SIDECAR, radiance_within_half};
 #[cfg(feature = "render")]
-pub use render::{Files, PictureWriter, Render};
+pub use render::{PictureWriter, Render};
 pub use source::Source;
 
 use crate::rt::link::{Copied, Item, PartOf};

@@ -1,5 +1,6 @@
 use crate::error::Result;
 use crate::picture;
+use crate::rt::Counter;
 use crate::rt::link::{Copied, Receiver};
 use crate::rt::stage::{Flow, Stage};
 use lightcast_core::image::PolarMap;
@@ -11,14 +12,17 @@ pub struct Picture {
     maps: Receiver<PolarMap>,
     /// The map that waits for its list, or had it last.
     map: Option<PolarMap>,
+    is_drawn: bool,
     folder: PathBuf,
+    undrawn: Counter,
 }
 
 impl Picture {
     /// Pictures of `maps`, the lists of which come later as inputs, go to `folder`, which must exist. A map
     /// must be in its link before its list is, as when `maps` are copies of what the lists are made of.
-    pub fn new(maps: Receiver<PolarMap>, folder: PathBuf) -> Self {
-        Self { maps, map: None, folder }
+    /// Maps whose lists were lost are counted by `undrawn`.
+    pub fn new(maps: Receiver<PolarMap>, folder: PathBuf, undrawn: Counter) -> Self {
+        Self { maps, map: None, is_drawn: true, folder, undrawn }
     }
 }
 
@@ -31,6 +35,8 @@ impl Stage for Picture {
         let Some(sequence) = list.sequence() else { return Ok(Flow::Send) };
         while self.map.as_ref().is_none_or(|map| map.stamp.sequence < sequence) {
             let Ok(Some(next)) = self.maps.try_receive() else { return Ok(Flow::Send) };
+            self.undrawn.add(u64::from(!self.is_drawn));
+            self.is_drawn = false;
             match &mut self.map {
                 Some(map) => map.copy_from(&next),
                 None => self.map = Some(next.clone()),
@@ -40,6 +46,7 @@ impl Stage for Picture {
             && map.stamp.sequence == sequence
         {
             picture::draw(map, list, &self.folder)?;
+            self.is_drawn = true;
         }
         Ok(Flow::Send)
     }

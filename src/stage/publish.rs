@@ -1,4 +1,4 @@
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::rt::stage::{Flow, Stage};
 use crate::wire::write_list_line;
 use lightcast_core::light::LightList;
@@ -26,14 +26,14 @@ impl<W: Write + Send> Stage for Publish<W> {
     type Output = ();
 
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
-        let place = || format!("{}: list {}", self.name, list.stamp.sequence);
+        let at_list = |error: Error| error.at(Place::List(list.stamp.sequence)).at(&self.name);
         self.line.clear();
         write_list_line(list, &mut self.line)
-            .map_err(|error| Error::failed("cannot be put into JSON").because(error).at(place()))?;
+            .map_err(|error| at_list(Error::failed("cannot be put into JSON").because(error)))?;
         match self.writer.write_all(&self.line).and_then(|()| self.writer.flush()) {
             Ok(()) => Ok(Flow::Send),
             Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(Flow::End),
-            Err(error) => Err(Error::failed("cannot be written").because(error).at(place())),
+            Err(error) => Err(at_list(Error::failed("cannot be written").because(error))),
         }
     }
 }

@@ -14,21 +14,12 @@ pub struct Render {
     renderer: Renderer,
     camera: Camera,
     samples: u32,
-    files: Files,
+    folder: PathBuf,
     every: Every,
     /// Sequence number of the first list.
     first: Option<u64>,
     last_time_ns: Option<i64>,
     writer: PictureWriter,
-}
-
-/// Where pictures go.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Files {
-    /// The folder, which must exist.
-    pub folder: PathBuf,
-    /// Whether they are radiance as OpenEXR, or PNG for people.
-    pub are_exr: bool,
 }
 
 /// Writes what a renderer has drawn.
@@ -41,14 +32,14 @@ pub struct PictureWriter {
 
 impl Render {
     /// Pictures of `samples` samples a pixel, of the lists that describe the first frame in every block of
-    /// `every` sequence numbers: the same lists with which maps are drawn.
-    pub fn new(renderer: Renderer, camera: Camera, samples: u32, files: Files, every: u64) -> Self {
+    /// `every` sequence numbers: the same lists with which maps are drawn. They go to `folder`, which must exist.
+    pub fn new(renderer: Renderer, camera: Camera, samples: u32, folder: PathBuf, every: u64) -> Self {
         let writer = PictureWriter::default();
         Self {
             renderer,
             camera,
             samples,
-            files,
+            folder,
             every: Every::new(every),
             first: None,
             last_time_ns: None,
@@ -75,9 +66,8 @@ impl Stage for Render {
             self.renderer.pose(time_ns as f64 * 1e-9);
         }
         self.renderer.draw(&list.lights, &self.camera, self.samples)?;
-        let ending = if self.files.are_exr { "exr" } else { "png" };
-        let path = self.files.folder.join(format!("frame_{:05}.{ending}", list.stamp.sequence));
-        self.writer.write(&mut self.renderer, elapsed_s, &path, self.files.are_exr)?;
+        let path = self.folder.join(format!("frame_{:05}.png", list.stamp.sequence));
+        self.writer.write(&mut self.renderer, elapsed_s, &path, false)?;
         Ok(Flow::Send)
     }
 }

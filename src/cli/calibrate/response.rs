@@ -218,10 +218,10 @@ impl Taken {
     fn files(&self) -> Result<&[PathBuf]> {
         match &self.frames {
             Frames::Files(files) => Ok(files),
-            Frames::Live(..) => Err(Error::usage(format!(
-                "{}: a bracket is made of pictures; live frames are for --patches",
-                self.path.display()
-            ))),
+            Frames::Live(..) => {
+                Err(Error::usage("a bracket is made of pictures; live frames are for --patches")
+                    .at(&self.path))
+            }
         }
     }
 

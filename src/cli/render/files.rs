@@ -6,18 +6,27 @@ use super::{Arguments, camera, lights_of_map, no_reference, renderer, samples};
 use crate::cli::input::Input;
 use crate::cli::panorama::{map_shape, read_panorama};
 use crate::cli::progress::Progress;
+use crate::cli::run::watch;
 use crate::cli::signals::SignalWatch;
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::render::emitters;
 use crate::rt::stage::{self as stages, Nowhere, Stage};
 use crate::rt::{Clock, Metrics, Shutdown};
-use crate::stage::{Files, PictureWriter, Render};
+use crate::service::{Ends, ListReader, Service, Summary};
+use crate::stage::{PictureWriter, Render};
 use lightcast_core::light::LightList;
 use std::path::Path;
 
+/// Name of the stage that renders.
+const RENDER: &str = "render";
+
 pub(super) fn run(arguments: &Arguments, input: &Input, target: &Target) -> Result<()> {
-    match input {
-        Input::Panorama(path) => render_panorama(arguments, input, path, target),
+    match (input, target) {
+        (Input::Panorama(path), _) => render_panorama(arguments, input, path, target),
+        (Input::Configuration(path), Target::Folder(folder)) => {
+            render_service(arguments, input, path, folder)
+        }
         _ => render_lists(arguments, input, target),
     }
 }
@@ -48,6 +57,25 @@ fn render_panorama(arguments: &Arguments, input: &Input, panorama: &Path, target
     }
 }
 
+/// The renderer is an end of the service that makes the lists.
+fn render_service(arguments: &Arguments, input: &Input, path: &Path, folder: &Path) -> Result<()> {
+    no_reference(arguments)?;
+    let config = Config::load(path)?;
+    let shutdown = Shutdown::new();
+    let _signals = SignalWatch::start(&shutdown)?;
+    let renderer = renderer(arguments, input)?;
+    let camera = camera(arguments, &renderer)?;
+    make(folder)?;
+    let render = Render::new(renderer, camera, samples(arguments), folder.to_owned(), arguments.every);
+    let ends = Ends { readers: vec![ListReader::new(RENDER, render)], ..Ends::default() };
+    let service = Service::start(&config, ends, &shutdown)?;
+    let summary = service.summary();
+    let seen = |summary: &Summary| {
+        summary.stage(RENDER).map_or(0, |render| render.frames.get() + render.drops.get())
+    };
+    watch(service, &summary, "lists", seen, |_| ())
+}
+
 /// Other threads bring the lists; this one renders them: the first into a file, all into a folder.
 fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result<()> {
     no_reference(arguments)?;
@@ -59,7 +87,7 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
     if let Target::Folder(folder) = target {
         make(folder)?;
     }
-    let metrics = Metrics::new("render");
+    let metrics = Metrics::new(RENDER);
     let (lists, making) = origin.start()?;
     let outcome = match target {
         Target::File { path, is_exr } => {
@@ -78,12 +106,11 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
         }
         Target::Folder(folder) => {
             let progress = Progress::of(lists.count, "lists");
-            let files = Files { folder: folder.clone(), are_exr: false };
-            let render = Render::new(renderer, camera, samples(arguments), files, arguments.every);
+            let render = Render::new(renderer, camera, samples(arguments), folder.clone(), arguments.every);
             let shown = Shown { render, progress: progress.clone() };
             let outcome = stages::run(shown, lists.link, Nowhere, &Clock::real(), &shutdown, &metrics);
             progress.finish();
-            outcome
+            outcome.map(|_| ())
         }
     };
     // Why there was no list is told rather than that there was none.

@@ -5,8 +5,8 @@ use crate::service::Summary;
 use sd_notify::NotifyState;
 use std::time::{Duration, Instant};
 
-/// Tells systemd how a run gets on. The watchdog is fed by progress, never by time alone: a stage that hangs
-/// lets it starve.
+/// Tells systemd how a run gets on. The watchdog is fed by progress, never by time alone: a stage on the way
+/// to the clients that hangs lets it starve.
 pub(super) struct Watchdog {
     /// How often it has to be fed; `None`: there is none.
     hunger: Option<Duration>,

@@ -1,4 +1,4 @@
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::wire::write_list_line;
 use lightcast_core::light::LightList;
 use std::fs::File;
@@ -34,7 +34,7 @@ impl Lines {
         if !self.is_printed && self.file.is_none() {
             return Ok(true);
         }
-        let place = || format!("list {}", list.stamp.sequence);
+        let place = || Place::List(list.stamp.sequence);
         self.line.clear();
         write_list_line(list, &mut self.line)
             .map_err(|error| Error::failed("cannot be put into JSON").because(error).at(place()))?;
