@@ -8,31 +8,34 @@ pub struct Options {
     pub width_px: u32,
     /// Rows of the picture.
     pub height_px: u32,
-    /// Lights in set H, which light everything; a longer list joins them and lights glossy surfaces as set L.
+    /// Lights in set H, which light everything; a longer list is merged into them, and lights glossy surfaces
+    /// as set L.
     pub lights: usize,
-    /// Shadow maps; lights without one borrow that of the nearest light that has one.
+    /// Number of shadow maps; lights without one use that of the nearest light that has one.
     pub shadow_maps: usize,
     /// Side of a shadow map in texels.
     pub shadow_map_px: u32,
-    /// Comparisons for the blocker search and for the filter of a soft shadow, up to 256; 1: hard shadows.
+    /// Depth comparisons for the blocker search and for the filter of a soft shadow, up to 256; 1: hard
+    /// shadows.
     pub soft_samples: u32,
-    /// Whether pixels look only at the lights of their angular region.
+    /// Whether pixels evaluate only the lights of their angular region.
     pub culling: bool,
-    /// Angle gamma in radians: set L is used within gamma / 2 about the mirrored view. 0: set H alone.
+    /// Angle gamma in radians: set L is used within gamma / 2 of the mirrored view direction. 0: only set H.
     pub cone_rad: f64,
-    /// Most lights of set L in a region.
+    /// Maximum number of lights of set L in a region.
     pub region_lights: usize,
-    /// Whether to count what pixels look at, see [`Renderer::read_counts`](super::Renderer::read_counts).
+    /// Whether to count the lights that pixels evaluate, see
+    /// [`Renderer::read_counts`](super::Renderer::read_counts).
     pub count_lights: bool,
     /// Most lights of set H after clustering; `None`: no clustering.
     pub clusters: Option<usize>,
-    /// The kinds of lighting that add up.
+    /// The lightings that are summed.
     pub lighting: Lightings,
-    /// Albedo, 0 to 1, of the ground below the horizon whose light [`Lightings::ambient`] adds; 0: none.
+    /// Albedo, 0 to 1, of the ground below the horizon, whose light [`Lightings::ambient`] adds; 0: none.
     pub ground_albedo: f32,
 }
 
-/// The lightings that add radiance to a view, each named as its folder.
+/// The lightings that add radiance to a view, each named after its folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lightings {
     /// Directional lights with shadows.
@@ -56,8 +59,8 @@ impl Default for Options {
             shadow_map_px: 256,
             soft_samples: 8,
             culling: true,
-            // Wide enough for the tails of GGX: a white furnace is within 5 % (renderer_tests.rs), at 20
-            // degrees not.
+            // Wide enough for the tails of GGX: a white furnace is within 5 % (renderer_tests.rs), which it
+            // is not at 20 degrees.
             cone_rad: 40f64.to_radians(),
             region_lights: 216,
             count_lights: false,
@@ -68,11 +71,11 @@ impl Default for Options {
     }
 }
 
-/// Largest side of a picture, and most lights and shadow maps: beyond what any scene needs, and small enough
+/// Largest side of a picture, and most lights and shadow maps: more than any scene needs, and small enough
 /// that no product of them overflows.
 const MAX_SIDE_PX: u32 = 16_384;
 const MAX_SHADOW_MAPS: usize = 4096;
-/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver gives up a
+/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver aborts a
 /// pass that takes seconds.
 const MAX_SOFT_SAMPLES: u32 = 256;
 
@@ -87,7 +90,7 @@ impl Options {
         self.width_px as usize * self.height_px as usize
     }
 
-    /// Refuses what the device cannot do, before anything is allocated.
+    /// Refuses options that the device does not support, before anything is allocated.
     pub(super) fn check(&self, limits: &wgpu::Limits) -> Result<()> {
         let most_px = MAX_SIDE_PX.min(limits.max_texture_dimension_2d);
         let side = 1..=most_px;

@@ -6,14 +6,14 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::time::{Duration, Instant};
 
-/// How often a wait for room looks whether an end was asked for.
+/// How often a wait for room checks whether an end was requested.
 const GLANCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
-/// After a request to end, a reader that takes nothing for so long is given up.
+/// After a shutdown request, a reader that takes nothing for this long is given up.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// A file, or a pipe whose reader may have stopped reading: a write waits for room as long as it takes, but
-/// not when the thread is to end.
+/// A file, or a pipe whose reader may have stopped reading: a write waits for room as long as necessary, but
+/// not after the end was requested.
 pub struct StoppableWriter {
     file: File,
     shutdown: Shutdown,
@@ -23,7 +23,7 @@ impl StoppableWriter {
     /// Writes to `file`, which becomes non-blocking for all that share its open description.
     ///
     /// # Errors
-    /// When the file cannot be made so.
+    /// When the file cannot be made non-blocking.
     pub fn new(file: File, shutdown: &Shutdown) -> io::Result<Self> {
         let flags = fcntl_getfl(&file)?;
         fcntl_setfl(&file, flags | OFlags::NONBLOCK)?;
@@ -33,7 +33,7 @@ impl StoppableWriter {
 
 impl Write for StoppableWriter {
     /// # Errors
-    /// `TimedOut` where the reader took nothing for a second since an end was asked for; those of the file.
+    /// `TimedOut` where the reader took nothing for a second after an end was requested; those of the file.
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let mut asked_to_end = None;
         loop {

@@ -9,14 +9,15 @@ use std::path::PathBuf;
 /// Draws maps with the filtered lights that belong to them.
 pub struct Picture {
     maps: Receiver<PolarMap>,
-    /// The map that waits for its list, or had it last.
+    /// The map that waits for its list, or was drawn last.
     map: Option<PolarMap>,
     folder: PathBuf,
 }
 
 impl Picture {
-    /// Pictures of `maps`, the lists of which come later as inputs, go to `folder`, which must exist. A map
-    /// must be in its link before its list is, as when `maps` are copies of what the lists are made of.
+    /// Pictures of `maps`, whose lists come later as inputs, go to `folder`, which must exist. A map must be
+    /// in its link before its list is, which holds when `maps` are copies of the maps of which the lists are
+    /// made.
     pub fn new(maps: Receiver<PolarMap>, folder: PathBuf) -> Self {
         Self { maps, map: None, folder }
     }

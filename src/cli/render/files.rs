@@ -48,7 +48,7 @@ fn render_panorama(arguments: &Arguments, input: &Input, panorama: &Path, target
     }
 }
 
-/// Other threads bring the lists; this one renders them: the first into a file, all into a folder.
+/// Other threads make the lists; this one renders them: the first into a file, all into a folder.
 fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result<()> {
     no_reference(arguments)?;
     let shutdown = Shutdown::new();
@@ -63,7 +63,8 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
     let (lists, making) = origin.start()?;
     let outcome = match target {
         Target::File { path, is_exr } => {
-            // Dropped before the end is waited for: who makes the lists may wait for room in it.
+            // It is dropped before waiting for the end, because the threads that make the lists may wait for
+            // room in it.
             let mut link = lists.link;
             match link.receive() {
                 Some(list) => {
@@ -86,12 +87,12 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
             outcome
         }
     };
-    // Why there was no list is told rather than that there was none.
+    // The reason why there was no list is reported first.
     let ended = making.finish(metrics);
     ended.and(outcome)
 }
 
-/// A stage that shows how far it is.
+/// A stage that shows its progress.
 struct Shown {
     render: Render,
     progress: Progress,
