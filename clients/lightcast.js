@@ -14,17 +14,17 @@
 export const BINARY = "lightcast.v1.bin";
 /** WebSocket subprotocol of lists as JSON. */
 export const JSON_TEXT = "lightcast.v1.json";
-/** Goes before the token where it travels as a WebSocket subprotocol. */
+/** Prefix of the token where it is sent as a WebSocket subprotocol. */
 const TOKEN_PREFIX = "lightcast.token.";
 
-/** Most lights and prefix errors that a list is believed to hold, and most characters as JSON. */
+/** Most lights and prefix errors that are accepted in a list, and most characters of it as JSON. */
 const MAX_LIGHTS = 16384;
 const MAX_PREFIX_ERRORS = 64;
 const MAX_CHARACTERS = 2 ** 23;
 const HEADER_BYTES = 120;
 const PREFIX_ERROR_BYTES = 8;
 const LIGHT_BYTES = 14;
-/** Steps of an octave in a quantity's code. */
+/** Steps per octave in a quantity's code. */
 const STEPS = 1024;
 /** How far a direction may be from length 1: four written digits. */
 const LENGTH_TOLERANCE = 1e-3;
@@ -32,12 +32,12 @@ const MOST_IRRADIANCE = 1e30;
 const MOST_POWER = 1e36;
 /** Pi, as the server rounds it. */
 const MOST_SPREAD_RAD = Math.fround(Math.PI);
-/** Of 32 and of 64 bits, as near as a number is to them. */
+/** The largest 32-bit and 64-bit integers, as far as a number can represent them. */
 const MOST_U32 = 2 ** 32 - 1;
 const MOST_U64 = 2 ** 64;
 const MOST_TIME_NS = 2 ** 63;
 
-/** After so long without a message the server is asked whether it is there; after as long again it is not. */
+/** After this long without a message the server is asked to answer; after as long again it is given up. */
 const PATIENCE_MS = 10_000;
 
 /**
@@ -69,9 +69,9 @@ const PATIENCE_MS = 10_000;
  * @property {Stream} stream
  *
  * @typedef {object} Subscription keys that are missing have their defaults
- * @property {number} [lights] so many at most; default: all
+ * @property {number} [lights] at most this many; default: all
  * @property {number} [error] the shortest list whose error is under this
- * @property {number} [rate_hz] so many lists a second at most; default: all
+ * @property {number} [rate_hz] at most this many lists a second; default: all
  * @property {number} [queue] lists that wait when this client is slow, 1 to 64; default: 1
  *
  * @typedef {object} State
@@ -80,12 +80,12 @@ const PATIENCE_MS = 10_000;
  * @property {number | null} retry_ms when closed: milliseconds until it connects again; null when it does not
  */
 
-/** The number that a quantity's code stands for, in parts of the largest. */
+/** The number that a quantity's code stands for, relative to the largest. */
 const PART_OF_TOP = new Float64Array(65536);
 for (let code = 1; code < 65536; code++) PART_OF_TOP[code] = 2 ** ((code - 65535) / STEPS);
 
 /**
- * Takes a message of the subprotocol {@link BINARY} apart.
+ * Decodes a message of the subprotocol {@link BINARY}.
  *
  * @param {ArrayBuffer} buffer
  * @returns {LightList}
@@ -95,7 +95,7 @@ export function decodeBinary(buffer) {
   const length = buffer.byteLength;
   if (length < HEADER_BYTES) fail(`has ${length} bytes; the header alone has ${HEADER_BYTES}`);
   const view = new DataView(buffer);
-  // "LCL" and the version, as the bytes stand.
+  // "LCL" and the version, in the order of the bytes.
   const magic = view.getUint32(0, false);
   if (magic >>> 8 !== 0x4c434c) fail("byte 0: does not begin with LCL");
   if ((magic & 255) !== 1) fail(`byte 3: is of version ${magic & 255}; this client reads version 1`);
@@ -164,7 +164,7 @@ function octahedral(u, v) {
 }
 
 /**
- * Takes a message of the subprotocol {@link JSON_TEXT} apart.
+ * Decodes a message of the subprotocol {@link JSON_TEXT}.
  *
  * @param {string} text
  * @returns {LightList}
@@ -174,7 +174,7 @@ export function decodeJson(text) {
   return read(parsed(text));
 }
 
-/** The list that a JSON object is. */
+/** The list that a JSON object describes. */
 function read(list) {
   if (list.version !== 1) fail("version: is not 1, which this client reads");
   if (!Array.isArray(list.lights)) fail("lights: is no array");
@@ -215,7 +215,7 @@ const isTime = (value) => Number.isInteger(value) && Math.abs(value) <= MOST_TIM
 const isTriple = (value, most) =>
   Array.isArray(value) && value.length === 3 && value.every((part) => isNumber(part, most));
 
-/** The list, when its numbers can be those of a list. */
+/** Returns the list if its numbers are valid. */
 function checked(list) {
   for (const key of ["sequence", "lost_before"]) if (!isCount(list[key], MOST_U64)) fail(`${key}: is no count`);
   if (!isCount(list.filter_delay_frames, MOST_U32)) fail("filter_delay_frames: is no count");
@@ -253,28 +253,29 @@ function fail(what) {
 }
 
 /**
- * A connection that comes back.
+ * A connection that is restored when it is lost.
  *
- * Events, each a `CustomEvent`: `list` with a {@link LightList}, `state` with a {@link State}, `answer` with what the
- * server says to a subscription (`{subscribed: {...}}` or `{error: "..."}`), and `fault` with an `Error` for a message
- * that cannot be read, after which the connection is closed and tried again. A server that is silent is asked whether it
- * is there, by the subscription once more, and given up when it does not answer that either.
+ * Events, each a `CustomEvent`: `list` with a {@link LightList}, `state` with a {@link State}, `answer` with
+ * what the server says to a subscription (`{subscribed: {...}}` or `{error: "..."}`), and `fault` with an
+ * `Error` for a message that cannot be read, after which the connection is closed and tried again. A server
+ * that is silent is asked to answer by sending the subscription once more, and given up when it does not
+ * answer that either.
  */
 export class LightcastClient extends EventTarget {
   #url;
   #format;
   #token;
   #subscription;
-  /** The last one that the server took: one that it does not take is not asked for again. */
+  /** The last subscription that the server accepted: one that it refuses is not sent again. */
   #agreed;
-  /** What the server has yet to answer, and whether anybody wants to know. */
+  /** Subscriptions that the server has not answered yet, and whether an `answer` event is wanted. */
   #unanswered = [];
   #delays;
   #socket = null;
   #timer = null;
   #attempts = 0;
   #openedAt = 0;
-  /** When the server last said anything, or was asked to, and whether it was asked since. */
+  /** Time of the server's last message or of the last request to answer, and whether it was asked since. */
   #heardAt = 0;
   #isAsked = false;
   /** @type {State} */
@@ -288,7 +289,7 @@ export class LightcastClient extends EventTarget {
    * @param {Subscription} [options.subscription] default: everything
    * @param {number} [options.retryMinMs] wait before the first new attempt; it doubles with each. Default: 250
    * @param {number} [options.retryMaxMs] longest wait. Default: 8000
-   * @throws {Error} when the URL is none, or the token has other characters than a URL's path may have
+   * @throws {Error} when the URL is invalid, or the token has characters that a URL's path may not have
    */
   constructor(url, { format = "binary", token = null, subscription = {}, retryMinMs = 250, retryMaxMs = 8000 } = {}) {
     super();
@@ -300,12 +301,12 @@ export class LightcastClient extends EventTarget {
     this.#delays = { min: retryMinMs, max: retryMaxMs };
   }
 
-  /** The state that the last `state` event told. */
+  /** The state of the last `state` event. */
   get state() {
     return this.#state;
   }
 
-  /** What the server is asked for. */
+  /** The subscription that is sent to the server. */
   get subscription() {
     return { ...this.#subscription };
   }
@@ -332,10 +333,10 @@ export class LightcastClient extends EventTarget {
   }
 
   /**
-   * Asks for something else; an `answer` says whether the server takes it, and if not all stays as it was. While there
-   * is no connection the next one begins with it.
+   * Changes the subscription; an `answer` event says whether the server accepts it, and if not the old one
+   * stays. While there is no connection, the next one begins with it.
    *
-   * @param {Subscription} subscription replaces the whole of the one before
+   * @param {Subscription} subscription replaces the whole of the previous one
    */
   subscribe(subscription) {
     this.#subscription = { ...subscription };
@@ -356,15 +357,15 @@ export class LightcastClient extends EventTarget {
     try {
       socket = new WebSocket(url.href, protocols);
     } catch (error) {
-      // Not allowed from this page, no address of a WebSocket, or no WebSockets here: so it would be the next
-      // time.
+      // Not allowed from this page, not an address of a WebSocket, or no WebSockets here: the next attempt
+      // would fail too.
       this.#tell("closed", error.message, null);
       return;
     }
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     const mine = (act) => (event) => {
-      // What an abandoned socket still says is not for us.
+      // Events of an abandoned socket are ignored.
       if (this.#socket === socket) act(event);
     };
     const asked = this.#subscription;
@@ -376,12 +377,12 @@ export class LightcastClient extends EventTarget {
       this.#agreed = asked;
       this.#unanswered = [];
       this.#watch();
-      // Asked for since the attempt began.
+      // The subscription was changed since the attempt began.
       if (this.#subscription !== asked) this.#ask(true);
       this.#tell("open", "", null);
     }));
     socket.addEventListener("message", mine(({ data }) => this.#take(data)));
-    // An "error" comes before "close", and says no more.
+    // An "error" event comes before "close", and says no more.
     socket.addEventListener("close", mine(({ code, reason }) => {
       const cause = wasOpen ? "the connection was lost" : "no connection";
       this.#lose(reason || (code === 1000 ? "closed by the server" : `${cause} (code ${code})`));
@@ -390,8 +391,9 @@ export class LightcastClient extends EventTarget {
   }
 
   /**
-   * A connection that broke where nobody says so is silent for ever, and browsers keep the server's pings to themselves.
-   * Timers of a page that nobody sees are late, and those of a device that slept: nobody is given up who was not asked.
+   * A connection that breaks without notice is silent for ever, and browsers do not report the server's
+   * pings. Timers are late on a hidden page and on a device that slept, so a server is not given up before it
+   * was asked to answer.
    */
   #watch() {
     const left_ms = this.#heardAt + PATIENCE_MS - performance.now();
@@ -431,21 +433,22 @@ export class LightcastClient extends EventTarget {
     if (isTold) this.#emit("answer", message);
   }
 
-  /** Leaves a connection of which nothing more is expected, with a word to the server, and comes again. */
+  /** Closes a connection that is of no more use, with a reason for the server, and connects again. */
   #leave(reason, word) {
     const socket = this.#socket;
     this.#lose(reason);
     socket.close(4000, word);
   }
 
-  /** Closed by somebody else: again after a while, the longer the more often it happens. */
+  /** The connection was closed by the other side: tries again after a wait, which grows with every loss. */
   #lose(reason) {
-    // A connection that held shows that the server takes us.
+    // A connection that lasted shows that the server accepts this client.
     if (this.#state.state === "open" && performance.now() - this.#openedAt > this.#delays.max) this.#attempts = 0;
     this.#socket = null;
     clearTimeout(this.#timer);
     const longest = Math.min(this.#delays.max, this.#delays.min * 2 ** this.#attempts);
-    // Half of it by chance, so that the clients of a server that comes back do not come all at once.
+    // Half of the wait is random, so that the clients of a restarted server do not all reconnect at the same
+    // time.
     const delay = longest * (0.5 + 0.5 * Math.random());
     this.#attempts = Math.min(this.#attempts + 1, 32);
     this.#timer = setTimeout(() => this.#attempt(), delay);

@@ -34,7 +34,7 @@ from websockets.sync.client import connect
 JSON = "lightcast.v1.json"
 BINARY = "lightcast.v1.bin"
 
-# What messages are held to; the server sends none that exceeds it.
+# Limits of messages; the server sends none that exceeds them.
 MOST_BYTES = 1 << 23
 MOST_LIGHTS = 16_384
 MOST_PREFIX_ERRORS = 64
@@ -196,7 +196,7 @@ def _direction(u: int, v: int) -> tuple[float, float, float]:
     y = 1.0 - abs(a) - abs(b)
     if y < 0.0:
         a, b = math.copysign(1.0 - abs(b), a), math.copysign(1.0 - abs(a), b)
-    # The sizes of the three add up to 1, so that this is at least 1 / sqrt(3).
+    # The absolute values of the three add up to 1, so that this is at least 1 / sqrt(3).
     length = math.sqrt(a * a + y * y + b * b)
     return (a / length, y / length, b / length)
 
@@ -304,7 +304,7 @@ def _array(values: dict, key: str, most: int, least: int = 0) -> list:
 # --- The stream ---------------------------------------------------------------------------------------------
 
 
-# Answers that say: later. All others from 400 to 499 say: not like this.
+# Status codes that mean that the request may succeed later. All others from 400 to 499 refuse it for good.
 _LATER = (408, 425, 429)
 
 
@@ -344,7 +344,8 @@ class Stream:
             raise ValueError(f"{url}: no address of the form ws://HOST:PORT/ws")
         self._headers = {} if token is None else {"Authorization": f"Bearer {token}"}
         self._subprotocol = BINARY if binary else JSON
-        # What is wanted, and what the server has agreed to: the two differ until it answers.
+        # The subscription that is wanted, and the one that the server has accepted: the two differ until it
+        # answers.
         self._wanted = self._agreed = _subscription(lights, error, rate_hz, queue)
         self._attempts = 0
         self._closed = threading.Event()
@@ -400,7 +401,7 @@ class Stream:
         self._wanted = _subscription(lights, error, rate_hz, queue)
         connection = self._connection
         if connection is not None:
-            # A connection that is lost meanwhile comes back with what is wanted.
+            # If the connection is lost meanwhile, the next one begins with the wanted subscription.
             with contextlib.suppress(OSError, WebSocketException):
                 connection.send(json.dumps({"subscribe": self._wanted}))
 
@@ -415,16 +416,17 @@ class Stream:
         asked = self._wanted
         query = "&".join(filter(None, (self._url.query, urllib.parse.urlencode(asked))))
         try:
-            # The least queue at this end: what is not yet read waits at the server, which sends the newest.
+            # The shortest queue at this end: lists that are not yet read wait at the server, which sends the
+            # newest.
             opening = connect(
                 self._url._replace(query=query).geturl(),
                 subprotocols=[self._subprotocol],
-                # Codes of 16 bits hardly get shorter.
+                # 16-bit codes hardly compress.
                 compression=None,
                 additional_headers=self._headers,
                 max_size=MOST_BYTES,
                 max_queue=1,
-                # Lists that are not read any more hold back the server's answer to the end.
+                # Lists that are no longer read delay the server's answer to the closing handshake.
                 close_timeout=0.5,
             )
             self._connection = self._connections.enter_context(opening)
@@ -451,7 +453,7 @@ class Stream:
     def _next_wait_s(self) -> float:
         longest_s = min(self.LONGEST_WAIT_S, self.FIRST_WAIT_S * 2.0 ** min(self._attempts, 64))
         self._attempts += 1
-        # Clients of a server that comes back are not to come back all at once.
+        # The clients of a restarted server should not all reconnect at the same time.
         return longest_s * random.uniform(0.5, 1.0)
 
     def _take(self, message: Union[str, bytes]) -> Optional[List]:

@@ -24,7 +24,7 @@ fn half_vector(view: vec3f, l: vec3f) -> vec3f {
 }
 
 // Radiance towards `view` per irradiance of a light from `l`: specular part. `spread_rad` is the RMS angle of
-// what the light stands for: its lobe is as much wider as the light is not a point.
+// the radiance that the light stands for: the lobe is widened by it.
 fn specular_reflectance(s: Surface, view: vec3f, l: vec3f, spread_rad: f32, energy: f32) -> vec3f {
     if s.gloss < 0.0 {
         // Phong's lobe about the mirrored view, normalised to reflect `specular` at normal incidence
@@ -44,17 +44,17 @@ fn specular_reflectance(s: Surface, view: vec3f, l: vec3f, spread_rad: f32, ener
     let n_v = max(dot(s.normal, view), 1e-3);
     let v_h = clamp(dot(view, h), 0.0, 1.0);
     let rough = max(s.gloss * s.gloss, 1e-3);
-    // The half vector turns by half of what the light does; a variance twice as large makes up for GGX's
+    // The half vector turns by half the angle of the light; a variance twice as large compensates for GGX's
     // narrow core.
     let alpha = min(sqrt(rough * rough + 0.5 * spread_rad * spread_rad), 1.0);
     let fresnel = s.specular + (1.0 - s.specular) * pow(1.0 - v_h, 5.0);
-    // Light that leaves the surface after more than one reflection, by the albedo of a single one (Turquin
+    // Light that leaves the surface after more than one reflection, from the albedo of a single one (Turquin
     // 2019).
     let multiple = 1.0 + s.specular * (1.0 / energy - 1.0);
     return fresnel * multiple * (ggx_distribution(n_h, alpha) * smith_visibility(n_l, n_v, rough));
 }
 
-// The same for the diffuse part: Lambert, less what a metal-rough surface mirrors.
+// The same for the diffuse part: Lambert, less the part that a metal-rough surface reflects specularly.
 fn diffuse_reflectance(s: Surface, view: vec3f, l: vec3f) -> vec3f {
     var share = vec3f(1.0);
     if s.gloss >= 0.0 {

@@ -1,5 +1,5 @@
-// A small picture in a corner of the screen: the viewport is as large as the picture, so that texels meet
-// pixels.
+// A small picture in a corner of the screen: the viewport is as large as the picture, so that texels and
+// pixels coincide.
 
 @group(0) @binding(0) var picture: texture_2d<f32>;
 

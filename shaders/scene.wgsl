@@ -1,4 +1,4 @@
-// What a scene is made of on the device, for the passes that draw it.
+// The data of a scene on the device, for the passes that draw it.
 
 struct Instance {
     world_from_mesh: mat4x4f,
@@ -16,7 +16,7 @@ struct Material {
     emissive: vec3f,
     metallic: f32,
     normal_scale: f32,
-    // Pixels of less alpha are left out; negative: none.
+    // Pixels with less alpha are discarded; negative: none.
     alpha_cutoff: f32,
     has_normal_map: u32,
 }

@@ -1,5 +1,5 @@
-//! The one error type: a [`Kind`] for the machine that decides what to do next, where the fault stands as
-//! data ([`Place`]), and a sentence for the person who reads both.
+//! The one error type: a [`Kind`] for the code that decides what to do next, the place of the fault as data
+//! ([`Place`]), and a sentence for the reader.
 
 mod place;
 mod toml_text;
@@ -67,7 +67,7 @@ impl Error {
         self
     }
 
-    /// Says where: puts a place in front of what is said so far, as in `frame 17: ...`. A key about a key
+    /// Says where: puts a place in front of the message so far, as in `frame 17: ...`. A key about a key
     /// makes one path of both, as in `sky.sun.radiance: ...`.
     #[must_use]
     pub fn at(mut self, place: impl Into<Place>) -> Self {
@@ -92,12 +92,12 @@ impl Error {
         self.kind
     }
 
-    /// Where the fault stands, from the outermost place (most often a file) inwards.
+    /// The places of the fault, from the outermost (most often a file) inwards.
     pub fn places(&self) -> impl Iterator<Item = &Place> {
         self.places.iter().rev()
     }
 
-    /// The key that is at fault, as in `sky.sun.path[1].time_s`.
+    /// The key at fault, as in `sky.sun.path[1].time_s`.
     pub fn key(&self) -> Option<&str> {
         self.places().find_map(|place| match place {
             Place::Key { name, .. } => Some(name.as_str()),

@@ -8,9 +8,9 @@ fn main() -> ExitCode {
     lightcast::cli::main()
 }
 
-/// Mesa's Vulkan layer that chooses a device asks for a Wayland display, and the library that it asks
-/// complains of an `XDG_RUNTIME_DIR` that is missing, as it is on servers and in containers, on the standard
-/// error of the program. A folder that does not exist has no display either, and nobody complains.
+/// Mesa's Vulkan layer that chooses a device looks for a Wayland display, and the library that it uses
+/// complains on the program's standard error about a missing `XDG_RUNTIME_DIR`, which is usual on servers and
+/// in containers. A folder that does not exist has no display either, but causes no complaint.
 #[expect(unsafe_code, reason = "the environment is changed before any thread could read it")]
 fn silence_wayland() {
     const NAME: &str = "XDG_RUNTIME_DIR";

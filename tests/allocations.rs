@@ -1,5 +1,5 @@
-//! A frame in the steady state allocates nothing in calibrate, light and filter: stages, links and loop are
-//! the program's own, under an allocator that counts.
+//! In the steady state, a frame causes no allocations in calibrate, light and filter. The stages, links and
+//! loop are those of the program, run under a counting allocator.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 use lightcast::design::{FilterOptions, RateFilter};
@@ -25,12 +25,13 @@ thread_local! {
 struct Counting;
 
 fn count_one() {
-    // A thread that ends has no thread-local values any more; what it frees and takes then is not the loop's.
+    // A thread that is ending has no thread-local values any more; its allocations then are not those of the
+    // loop.
     let _ = COUNT.try_with(|count| count.set(count.get().map(|count| count + 1)));
 }
 
 #[expect(unsafe_code, reason = "an allocator cannot be written otherwise; it only forwards to the system's")]
-// SAFETY: every call goes to the system allocator with the caller's own arguments; counting touches a
+// SAFETY: every call is forwarded to the system allocator with the caller's own arguments; counting uses a
 // const-initialised thread-local `Cell` without destructor, which neither allocates nor unwinds.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -60,14 +61,14 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Items after which every buffer has been round its link, the filter's history is full and every Vec has
-/// grown.
+/// Items after which every buffer has circulated through its link, the filter's history is full and every Vec
+/// has grown to its final size.
 const WARM_UP: u64 = 30;
 const FRAMES: u64 = 130;
 
-/// Allocations that a thread may make in links, once: the channels make a list of waiters when someone waits
-/// for the first time (two channels a link, two links, and the shutdown), and a context for the thread. When
-/// that happens depends on timing. One allocation a frame would be 100.
+/// Number of one-time allocations that a thread may make in links: a channel allocates a list of waiters at
+/// the first wait (two channels per link, two links, and the shutdown), and a context for the thread. When
+/// that happens depends on timing. One allocation per frame would give 100.
 const FIRST_WAITS: u64 = 8;
 
 /// Allocations after the warm-up.
@@ -77,7 +78,7 @@ struct Allocations {
     in_loop_and_links: u64,
 }
 
-/// A stage whose thread's allocations are counted from a certain step on.
+/// A stage whose thread's allocations are counted from a given step on.
 struct Counted<'a, S> {
     stage: S,
     steps: u64,
@@ -162,7 +163,7 @@ impl Stage for End {
     }
 }
 
-/// What the frames are and what is made of them.
+/// The frames, and how they are processed.
 #[derive(Clone, Copy, Debug)]
 struct Case {
     sampler: Sampler,
@@ -228,7 +229,7 @@ fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
     counts
 }
 
-/// A filter that does something else in every step too.
+/// A filter that performs an additional action in every step.
 struct Disturbed {
     stage: Filter,
     disturb: fn(&mut Vec<Vec<u8>>),

@@ -1,5 +1,5 @@
-//! `lightcast-core` stays what others can build on: few packages, none that does the program's work, no files
-//! or threads of its own, and a package outside of this workspace that names it by path compiles.
+//! `lightcast-core` remains usable as a library: it has few dependencies, none that belongs to the program,
+//! uses no files or threads, and a package outside of this workspace that depends on it by path compiles.
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
@@ -7,10 +7,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Lines of `cargo tree`, itself included: what somebody who adds the crate has to trust and to compile.
+/// Most lines of `cargo tree`, the crate included: what a user of the crate has to trust and to compile.
 const MOST_PACKAGES: usize = 40;
 
-/// What a library of algorithms has no use for: files, threads, a GPU, tasks, a command line, logs.
+/// Dependencies that a library of algorithms does not need: files, threads, a GPU, tasks, a command line,
+/// logs.
 const REFUSED: [&str; 14] = [
     "clap",
     "crossbeam-channel",
@@ -28,7 +29,7 @@ const REFUSED: [&str; 14] = [
     "winit",
 ];
 
-/// Paths of the standard library that do input or output or start something.
+/// Paths of the standard library that do input or output or start threads or processes.
 const REFUSED_PATHS: [&str; 6] =
     ["std::env", "std::fs", "std::io", "std::net", "std::process", "std::thread"];
 
@@ -98,7 +99,7 @@ fn a_package_outside_of_the_workspace_that_names_it_by_path_compiles() {
          [dependencies]\nlightcast-core = {{ path = {core:?} }}\n"
     );
     fs::write(folder.path().join("Cargo.toml"), manifest).unwrap();
-    // The same versions as here, so that nothing has to be fetched.
+    // The same versions as here, so that nothing has to be downloaded.
     fs::copy(root().join("Cargo.lock"), folder.path().join("Cargo.lock")).unwrap();
     fs::create_dir(folder.path().join("src")).unwrap();
     fs::copy(core.join("examples/filtered_lights.rs"), folder.path().join("src/main.rs")).unwrap();

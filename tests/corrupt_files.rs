@@ -1,7 +1,7 @@
-//! Damaged picture files: whatever their bytes, reading them neither panics nor takes absurd memory.
+//! Damaged picture files: whatever their bytes, reading them neither panics nor takes excessive memory.
 //!
 //! 2,000 mutations of a small file of each kind, with a fixed seed: a few bytes are replaced, and every
-//! fourth file is cut besides. The files are damaged on the disk because the reader takes paths.
+//! fourth file is also truncated. The files are damaged on the disk because the reader takes paths.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -36,19 +36,19 @@ fn radiance(width: usize, height: usize) -> Frame {
 }
 
 /// Panics inside libraries are caught. The backtrace of one would map the program's debug information, which
-/// then counts as memory of the reader.
+/// would then count as memory of the reader.
 fn say_panics_without_backtrace() {
     std::panic::set_hook(Box::new(|panic| eprintln!("{panic}")));
 }
 
-/// Largest resident size of this process so far, in MB; none where the system does not say.
+/// Largest resident size of this process so far, in MB; `None` where the system does not report it.
 fn peak_resident_mb() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? / 1024)
 }
 
-/// Reads mutations of `original`; `head` bytes at its beginning are hit half of the time.
+/// Reads mutations of `original`; half of the mutations are within its first `head` bytes.
 fn survive(name: &str, original: &[u8], head: usize, mutations: usize, seed: u64) {
     say_panics_without_backtrace();
     let folder = tempfile::tempdir().unwrap();
@@ -93,10 +93,10 @@ fn survive(name: &str, original: &[u8], head: usize, mutations: usize, seed: u64
     eprintln!("{name}: {readable} of {mutations} mutations are still pictures");
     if let Some(mb) = peak_resident_mb() {
         eprintln!("{name}: at most {mb} MB resident");
-        // The originals take below 100 kB as floats; all tests of this file share the process.
+        // The originals take less than 100 kB as floats; all tests of this file share the process.
         assert!(mb < 256, "{name}: {mb} MB");
     }
-    // Some mutations hit nothing that matters, none of them all.
+    // Some mutations have no effect, but not all of them.
     assert!(0 < readable && readable < mutations, "{name}: {readable} of {mutations}");
 }
 
@@ -170,14 +170,14 @@ fn mutated_radiance_files_never_panic() {
     let mut random = XorShift(5);
     for row in 0..40 {
         if row % 2 == 0 {
-            // Run-length coded components: 40 alike, then 8 of their own.
+            // Run-length coded components: 40 equal ones, then 8 literals.
             original.extend_from_slice(&[2, 2, 0, 48]);
             for _ in 0..4 {
                 original.extend_from_slice(&[128 + 40, 120 + random.below(16) as u8, 8]);
                 original.extend((0..8).map(|_| 120 + random.below(16) as u8));
             }
         } else {
-            // The old form: a pixel, a run of 46 of it, another pixel.
+            // The old form: a pixel, a run of 46 repetitions, another pixel.
             original.extend_from_slice(&[9, 200, 30, 130, 1, 1, 1, 46, 40, 50, 60, 129]);
         }
     }

@@ -1,8 +1,8 @@
-//! Damaged files of scenes: whatever their bytes, reading them neither panics nor takes absurd memory.
+//! Damaged scene files: whatever their bytes, reading them neither panics nor takes excessive memory.
 //!
 //! 600 mutations of a small file of each kind, with a fixed seed, as in `corrupt_files.rs`: a few bytes are
-//! replaced, and every fourth file is cut besides. In text files digits and separators are among what comes
-//! in, so that many mutations are still numbers.
+//! replaced, and every fourth file is also truncated. In text files the inserted bytes include digits and
+//! separators, so that many mutations are still numbers.
 
 #![cfg(feature = "render")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -28,19 +28,19 @@ impl XorShift {
 }
 
 /// Panics inside libraries are caught. The backtrace of one would map the program's debug information, which
-/// then counts as memory of the reader.
+/// would then count as memory of the reader.
 fn say_panics_without_backtrace() {
     std::panic::set_hook(Box::new(|panic| eprintln!("{panic}")));
 }
 
-/// Largest resident size of this process so far, in MB; none where the system does not say.
+/// Largest resident size of this process so far, in MB; `None` where the system does not report it.
 fn peak_resident_mb() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? / 1024)
 }
 
-/// A pose and the boxes of a scene that was read: every number is one.
+/// Computes poses and the bounds of a scene that was read, and checks that all numbers are valid.
 fn use_scene(scene: &Scene) {
     let mut world_from_mesh = Vec::new();
     for time_s in [0.0, 0.3 * scene.duration_s(), scene.duration_s()] {
@@ -58,7 +58,7 @@ fn use_scene(scene: &Scene) {
     }
 }
 
-/// Reads mutations of `original`; `head` bytes at its beginning are hit half of the time.
+/// Reads mutations of `original`; half of the mutations are within its first `head` bytes.
 fn survive(name: &str, original: &[u8], head: usize, seed: u64) {
     say_panics_without_backtrace();
     let folder = tempfile::tempdir().unwrap();
@@ -105,7 +105,7 @@ fn survive(name: &str, original: &[u8], head: usize, seed: u64) {
     assert!(0 < readable && readable < MUTATIONS, "{name}: {readable} of {MUTATIONS}");
 }
 
-/// Positions of a grid of points on a wave, and its triangles.
+/// A grid of points on a wave, and its triangles.
 fn wave(cells: u32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let row = cells + 1;
     let points = (0..row * row).map(|i| [(i % row) as f32, (i as f32).sin(), (i / row) as f32]).collect();

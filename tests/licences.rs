@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-/// Licences that ask for no more than their notice.
+/// Licences that require no more than their notice.
 const PERMISSIVE: [&str; 12] = [
     "MIT",
     "MIT-0",
@@ -19,7 +19,7 @@ const PERMISSIVE: [&str; 12] = [
 ];
 
 /// Whether an SPDX expression (also the old `A/B` form) can be satisfied by permissive licences alone. AND
-/// binds closer than OR.
+/// has precedence over OR.
 fn is_permissive(expression: &str) -> bool {
     let expression = expression.trim();
     if let Some(inner) = expression.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'))
@@ -66,7 +66,7 @@ fn every_dependency_is_permissive() {
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .expect("cargo runs: it started this test");
-    // Packages of other platforms may not have been downloaded, then `--offline` cannot describe them.
+    // Packages for other platforms may not have been downloaded; `--offline` cannot describe them then.
     let output = if output.status.success() {
         output
     } else {

@@ -1,5 +1,5 @@
-//! A live camera, scripted, through the whole service: a recording, with a camera that goes away and comes
-//! back, replays to the same lists; a recording that fails ends alone.
+//! A scripted live camera through the whole service: a recording, of a camera that disappears and returns,
+//! replays to the same lists; when a recording fails, only the recording ends.
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
@@ -19,10 +19,10 @@ use std::time::Duration;
 const SIDE: usize = 64;
 const RATE_HZ: f64 = 50.0;
 
-/// What the camera does next.
+/// The next action of the camera.
 #[derive(Clone, Copy)]
 enum Event {
-    /// Frame number so and so, with this count of the kernel.
+    /// A frame with this count of the kernel.
     Frame(u32),
     Faulty(u32),
     Lost,
@@ -59,7 +59,7 @@ impl LiveCamera for Scripted {
     fn capture(&mut self, _: Duration, frame: &mut Frame) -> Result<Captured> {
         let mark = |sequence, number: u64| Mark {
             sequence,
-            // Odd nanoseconds: a replay has to keep them.
+            // The nanoseconds are odd numbers, because a replay has to keep them exactly.
             time_ns: 7_000_000_123 + 20_000_001 * number as i64,
             age_ns: 0,
         };
@@ -74,7 +74,7 @@ impl LiveCamera for Scripted {
                 Ok(Captured::Bad(mark(sequence, self.number - 1), BadBuffer::Faulty))
             }
             Event::Lost => {
-                // Five frames' time.
+                // The time of five frames.
                 self.number += 5;
                 Err(Error::lost_device("scripted"))
             }
@@ -135,7 +135,7 @@ impl Write for Lines {
     }
 }
 
-/// Runs the service; its lists as text, and its summary.
+/// Runs the service; returns its lists as text, and its summary.
 fn run(
     config: &Config,
     input: Option<OpenedSource>,
@@ -162,7 +162,7 @@ fn a_recording_without_drops_replays_to_the_lists_of_the_live_run_byte_for_byte(
     let config = config(folder.path());
     let shutdown = Shutdown::new();
     let mut events: Vec<Event> = (100..140).map(Event::Frame).collect();
-    // What the camera loses is missing in the recording too.
+    // Frames that the camera loses are also missing in the recording.
     events.extend([Event::Faulty(140), Event::Frame(143), Event::Lost]);
     events.extend((0..20).map(Event::Frame));
     let (live, summary, outcome) =
@@ -188,7 +188,7 @@ fn a_recording_that_fails_ends_alone_and_is_told_in_the_end() {
     let config = config(folder.path());
     let shutdown = Shutdown::new();
     let events: Vec<Event> = (0..30).map(Event::Frame).collect();
-    // The name of the third frame is taken by a folder: it cannot be written.
+    // A folder has the name of the third frame, which therefore cannot be written.
     let options = recording(folder.path());
     let blocked = options.folder.join("frame.000002.exr");
     let input = input(&events, &shutdown);

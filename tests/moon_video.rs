@@ -1,5 +1,5 @@
 //! The Moon in a real all-sky video (THEMIS imager at Gillam, 10 March 2014) through the whole program,
-//! against its ephemeris. `SOURCES.md` beside the recording says where both are from.
+//! compared with its ephemeris. `SOURCES.md` next to the recording gives the sources of both.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -18,7 +18,7 @@ use std::process::{Command, Stdio};
 const SIDE: usize = 256;
 const FRAMES: usize = 40;
 
-/// The recording's folder, or none after saying so.
+/// The recording's folder, or `None` after reporting that it is missing.
 fn recording() -> Option<PathBuf> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
     let data = PathBuf::from(std::env::var_os("LIGHTCAST_DATA").unwrap_or_else(|| default.into()));
@@ -31,7 +31,7 @@ fn recording() -> Option<PathBuf> {
     None
 }
 
-/// Frames of a gzipped file of binary PGM pictures one after another, each with comment lines in its header.
+/// Frames of a gzipped file of concatenated binary PGM pictures, each with comment lines in its header.
 fn pgm_frames(path: &Path) -> Vec<Vec<u16>> {
     let mut bytes = Vec::new();
     GzDecoder::new(fs::File::open(path).unwrap()).read_to_end(&mut bytes).unwrap();
@@ -55,7 +55,7 @@ fn pgm_frames(path: &Path) -> Vec<Vec<u16>> {
     frames
 }
 
-/// Where the Moon stood in every frame. World: +X north, +Z east.
+/// The direction of the Moon in every frame. World: +X north, +Z east.
 fn moon_directions(folder: &Path) -> Vec<DVec3> {
     let text = fs::read_to_string(folder.join("moon_truth.csv")).unwrap();
     let of_line = |line: &str| {
@@ -67,9 +67,9 @@ fn moon_directions(folder: &Path) -> Vec<DVec3> {
     text.lines().skip(1).map(of_line).collect()
 }
 
-/// Position of the Moon in a frame, half-pixel centres: the centroid of what the 5 x 5 pixels about the
-/// brightest one well inside the circle have above the median of the two rings around them. In the first
-/// frames one pixel is saturated; what it lacks moves this by less than 0.04 pixels, 0.03 degrees.
+/// Position of the Moon in a frame, half-pixel centres: the centroid of the 5 x 5 pixels around the brightest
+/// one well inside the circle, after subtracting the median of the two rings around them. In the first frames
+/// one pixel is saturated; the lost signal moves the centroid by less than 0.04 pixels, 0.03 degrees.
 fn moon_pixel(codes: &[u16]) -> DVec2 {
     let at = |x: usize, y: usize| f64::from(codes[y * SIDE + x]);
     let inside = |x: usize, y: usize| (x as f64 - CENTRE_PX.x).hypot(y as f64 - CENTRE_PX.y) < 110.0;
@@ -89,8 +89,8 @@ fn moon_pixel(codes: &[u16]) -> DVec2 {
     moment / sum
 }
 
-/// From `SOURCES.md`: near-equidistant, an image circle of 246 pixels (the sky down to the horizon) about
-/// (132, 131) counted from the centre of the first pixel; frames sit on a pedestal of 3300 codes.
+/// From `SOURCES.md`: near-equidistant, an image circle of 246 pixels (the sky down to the horizon) centred
+/// at (132, 131), counted from the centre of the first pixel; frames have a pedestal of 3300 codes.
 const CENTRE_PX: DVec2 = DVec2::new(132.5, 131.5);
 const CIRCLE_PX: f64 = 246.0;
 const PEDESTAL: u16 = 3300;
@@ -178,7 +178,8 @@ fn the_moon_is_one_light_that_goes_the_moons_way() {
         .iter()
         .zip(&moon)
         .map(|(list, &moon)| {
-            // A frame every three seconds is too slow for the filter, which then delays nothing.
+            // One frame every three seconds is too slow for the filter, which is then disabled and adds no
+            // delay.
             assert_eq!(list["filter_delay_frames"], 0);
             let lights = list["lights"].as_array().unwrap().iter();
             lights

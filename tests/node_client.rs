@@ -12,9 +12,9 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
-/// The first that runs the decoders.
+/// The oldest version that runs the decoders.
 const OLDEST: u32 = 18;
-/// A list that takes longer does not come; the machine may be busy with much else.
+/// A list that takes longer does not come; the machine may be busy with other work.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn root() -> &'static Path {
@@ -26,7 +26,7 @@ fn skip(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: JavaScript client: {why}");
 }
 
-/// Node's version, `v20.10.0`; why there is none that is new enough.
+/// Node's version, such as `v20.10.0`; the error says why there is none that is new enough.
 fn version() -> Result<String, String> {
     let output = Command::new("node").arg("--version").output();
     let output = output.map_err(|error| format!("no node can be started: {error}"))?;

@@ -1,5 +1,5 @@
-//! What `cargo package` packs of either package: all that its build reads and its texts, and no data of
-//! tests, no recordings and nothing of continuous integration.
+//! The contents of `cargo package` for both packages: everything that the build reads and the texts, but no
+//! test data, no recordings and nothing for continuous integration.
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// Runs on every Python that the client is for, 3.9 and later.
+/// This version runs on every Python that the client supports, 3.9 and later.
 const WEBSOCKETS: &str = "websockets==15.0.1";
 
-/// Python with the client's one dependency, made once for all tests; the error says why it cannot be had
-/// here.
+/// Python with the client's only dependency, set up once for all tests; the error says why it is not
+/// available here.
 fn python() -> Result<PathBuf, String> {
     static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     PYTHON.get_or_init(make_python).clone()
@@ -41,7 +41,7 @@ fn has_websockets(python: &Path) -> bool {
     run(python, &["-c", &check]).is_ok()
 }
 
-/// Runs a program to its end; the error is the last line that it said.
+/// Runs a program to its end; the error is the last line of its messages.
 fn run(program: &Path, arguments: &[&str]) -> Result<(), String> {
     let output = Command::new(program)
         .args(arguments)
@@ -69,7 +69,7 @@ fn the_python_client_passes_its_tests() {
     let output = Command::new(python)
         .args(["-W", "error::DeprecationWarning"])
         .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clients/test_lightcast.py"))
-        // Caches stay out of the sources; servers of the test are on this machine.
+        // Caches are kept out of the sources; servers of the test are on this machine.
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .env("NO_PROXY", "*")
         .stdin(Stdio::null())

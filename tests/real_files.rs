@@ -1,4 +1,4 @@
-//! Real picture files against the figures that came with them (`SOURCES.md` beside each).
+//! Real picture files compared with the figures published with them (in the `SOURCES.md` of each folder).
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -10,15 +10,15 @@ use std::fs;
 use std::io::Write as _;
 use std::path::PathBuf;
 
-/// The folder with real data, or none after saying so.
+/// The folder with real data, or `None` after reporting that it is missing.
 fn data(test: &str) -> Option<PathBuf> {
     let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
     let folder = PathBuf::from(std::env::var_os("LIGHTCAST_DATA").unwrap_or_else(|| default.into()));
     if folder.join("env").is_dir() {
         return Some(folder);
     }
-    // Not eprintln!, which the test harness swallows when a test passes; in one piece, as tests run side by
-    // side.
+    // Not eprintln!, which the test harness swallows when a test passes; written in one piece, because tests
+    // run in parallel.
     let line = format!("skipped: {test}: no real maps in {}\n", folder.display());
     let _ = std::io::stderr().write_all(line.as_bytes());
     None
@@ -33,7 +33,8 @@ fn rgb(frame: &Frame) -> &[[f32; 3]] {
 /// Product of the two EXPOSURE lines of `ward_fisheye180_test.hdr`.
 const WARD_EXPOSURE: f64 = 2.720623e-2 * 4.676974e1;
 
-/// What `SOURCES.md` says of a map; luminance of the values as stored, the mean weighted by solid angle.
+/// The figures of a map in `SOURCES.md`; luminance of the values as stored, with the mean weighted by solid
+/// angle.
 struct Described {
     name: String,
     is_lat_long: bool,
@@ -79,8 +80,8 @@ fn every_map_has_the_size_the_peak_and_the_mean_luminance_of_its_description() {
         let (mut sum, mut weights, mut peak) = (0.0, 0.0, 0.0_f64);
         for (index, &pixel) in rgb(&frame).iter().enumerate() {
             let (row, column) = (index / frame.width, index % frame.width);
-            // The weights of the description: sine of the polar angle, and sin(theta) / theta for the angular
-            // map, whose circle touches the edges.
+            // The weights used in `SOURCES.md`: sine of the polar angle, and sin(theta) / theta for the
+            // angular map, whose circle touches the edges.
             let weight = if *is_lat_long {
                 (PI * (row as f64 + 0.5) / frame.height as f64).sin()
             } else {
@@ -95,7 +96,7 @@ fn every_map_has_the_size_the_peak_and_the_mean_luminance_of_its_description() {
         }
         let measured = sum / weights;
         println!("{name}: max {peak:.6} ({max}), mean {measured:.6} ({mean}), {attributes:?}");
-        // Of stored values, five digits of them.
+        // The figures are of stored values, with five digits.
         let exposure = if name.starts_with("ward") { WARD_EXPOSURE } else { 1.0 };
         let (max, mean) = (max / exposure, mean / exposure);
         compared += 1;
@@ -131,8 +132,8 @@ fn tiled_mip_mapped_lat_longs_with_the_attribute_have_their_centres_on_the_poles
     {
         let attributes = read(&folder.join("env").join(name), &mut frame).unwrap();
         assert_eq!(attributes.latlong_centres, LatLongCentres::Ends, "{name}");
-        // Then the first and the last row are one point each, and the first and the last column are the same
-        // meridian; a chart drawn so is constant along the pole.
+        // In that case the first and the last row are one point each, and the first and the last column are
+        // the same meridian; a chart drawn in this way is constant along the pole.
         if name.starts_with("Wavy") {
             let row = &rgb(&frame)[..frame.width];
             assert!(row.iter().all(|pixel| (luminance(*pixel) - luminance(row[0])).abs() < 0.01));
@@ -149,7 +150,7 @@ fn both_exposure_lines_of_the_fisheye_divide() {
     let mut frame = Frame::default();
     read(&path, &mut frame).unwrap();
     let divided = rgb(&frame).to_vec();
-    // The same file with its EXPOSURE lines renamed gives the pixels as stored.
+    // With its EXPOSURE lines renamed, the same file yields the pixels as stored.
     let mut bytes = fs::read(&path).unwrap();
     let mut lines = 0;
     for at in 0..1000 {
@@ -188,7 +189,7 @@ fn probe_sweep_plays_as_a_sequence() {
         assert!(rgb(&frame).iter().flatten().all(|value| value.is_finite() && *value >= 0.0));
     }
     assert_eq!(sequence.next(&mut frame).unwrap(), Next::End);
-    // The last file of the sweep is shorter: a frame of another size.
+    // The last file of the sweep is smaller: a frame of another size.
     let all = SequenceOptions { last: None, ..options };
     let mut sequence = Sequence::open(&all).unwrap();
     assert_eq!(sequence.file_count(), 11);

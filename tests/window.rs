@@ -1,4 +1,4 @@
-//! The window, as its user opens and closes it, on a display of the test's own that has no screen.
+//! The window, opened and closed as by a user, on a separate virtual display.
 #![cfg(all(feature = "render", target_os = "linux"))]
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
@@ -18,9 +18,9 @@ fn say_skipped(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: window: {why}");
 }
 
-/// A display and its number; `None` where there is no Xvfb, after saying so.
+/// A display and its number; `None` where there is no Xvfb, after reporting it.
 fn display() -> Option<(Guard, String)> {
-    // Xvfb itself looks for a number that is free, and writes it to the descriptor that it is given.
+    // Xvfb itself finds a free number, and writes it to the given descriptor.
     let command = Command::new("Xvfb")
         .args(["-displayfd", "1", "-screen", "0", "320x240x24", "-nolisten", "tcp"])
         .stdin(Stdio::null())
@@ -67,7 +67,7 @@ fn send_term(child: &Child) {
     assert!(status.unwrap().success());
 }
 
-/// Opens a window on `input`, waits for its first frame, and closes it by a signal; what it said.
+/// Opens a window on `input`, waits for its first frame, and closes it by a signal; returns its messages.
 fn opened_and_closed(display: &str, input: &Path, options: &[&str]) -> Option<String> {
     let mut command = lightcast();
     command.arg("render").arg(input).args(["--size", "64x48", "--shadow-map-size", "32"]).args(options);
@@ -76,8 +76,8 @@ fn opened_and_closed(display: &str, input: &Path, options: &[&str]) -> Option<St
     let mut messages = String::new();
     while !messages.contains("first frame") {
         if reader.read_line(&mut messages).unwrap() == 0 {
-            // It ended by itself: an adapter that is missing, or cannot draw on windows, is no fault of the
-            // program.
+            // It ended by itself: an adapter that is missing, or cannot draw on windows, is not a fault of
+            // the program.
             assert!(messages.contains("there is no graphics adapter"), "{messages}");
             say_skipped(messages.lines().last().unwrap_or_default());
             return None;
@@ -89,7 +89,7 @@ fn opened_and_closed(display: &str, input: &Path, options: &[&str]) -> Option<St
     Some(messages)
 }
 
-/// Lists that a window has shown, by its summary.
+/// Number of lists that a window has shown, from its summary.
 fn shown(messages: &str) -> u64 {
     let window =
         messages.lines().find(|line| line.starts_with("window ")).unwrap_or_else(|| panic!("{messages}"));
@@ -130,7 +130,7 @@ fn without_a_display_the_message_names_the_option_that_needs_none() {
 
 #[test]
 fn a_display_that_does_not_answer_is_none() {
-    // Display 9999 would be a socket that nobody listens on.
+    // Display 9999 would be a socket on which nobody listens.
     let run = lightcast().args(["render", "sky.hdr"]).env("DISPLAY", ":9999").output().unwrap();
     let messages = String::from_utf8(run.stderr).unwrap();
     assert_eq!(run.status.code(), Some(2), "{messages}");

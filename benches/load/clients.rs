@@ -25,22 +25,22 @@ struct Shared {
     figures: Mutex<Figures>,
 }
 
-/// What clients saw since the last look.
+/// Figures of the clients since they were last read.
 #[derive(Clone, Default)]
 pub struct Figures {
-    /// Ages of the lists of those who never stall, when decoded.
+    /// Ages, when decoded, of the lists of clients that never stall.
     pub ages_ns: Vec<i64>,
-    /// Lists that these were told they lost.
+    /// Lists that these clients were told they had lost.
     pub lost: u64,
-    /// Lists of those who stall now and then.
+    /// Lists of clients that stall now and then.
     pub stalled_lists: usize,
-    /// Lists that these were told they lost.
+    /// Lists that these clients were told they had lost.
     pub stalled_lost: u64,
     pub message_bytes: usize,
 }
 
 impl Clients {
-    /// So many, of which the first `stalling` can be told to stop reading.
+    /// Starts `count` clients, of which the first `stalling` can be told to stop reading.
     pub fn start(address: SocketAddr, count: usize, stalling: usize, is_binary: bool) -> Self {
         let (shared, shutdown) = (Arc::new(Shared::default()), Shutdown::new());
         let mut threads = Threads::new(&shutdown);
@@ -51,7 +51,7 @@ impl Clients {
                 runtime.block_on(async {
                     for number in 0..count {
                         tokio::spawn(client(address, seen.clone(), number < stalling, is_binary));
-                        // A hundred at a time is more than any page brings.
+                        // A hundred at a time is more than any page causes.
                         if number % 100 == 99 {
                             tokio::time::sleep(Duration::from_millis(20)).await;
                         }
@@ -94,7 +94,7 @@ async fn client(address: SocketAddr, shared: Arc<Shared>, can_stall: bool, is_bi
     let mut request = format!("ws://{address}/ws").into_client_request().unwrap();
     let protocol = if is_binary { BINARY } else { JSON };
     request.headers_mut().insert("sec-websocket-protocol", protocol.parse().unwrap());
-    // As the program's own client does.
+    // The program's own client uses the same size.
     let config = WebSocketConfig::default().read_buffer_size(1 << 14);
     let connecting = tokio_tungstenite::connect_async_with_config(request, Some(config), true);
     let (mut socket, _) = connecting.await.expect("a place for every client");

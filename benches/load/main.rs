@@ -18,8 +18,8 @@ use std::time::Duration;
 const STALLED: usize = 10;
 
 fn main() {
-    // `cargo bench` adds an argument of its own, `cargo test --benches` another: only one of the two is
-    // meant.
+    // `cargo bench` adds an argument of its own, `cargo test --benches` another one; this program should run
+    // only under the former.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     if arguments.iter().any(|argument| argument == "--test") {
         return;
@@ -33,7 +33,7 @@ fn main() {
     let server = Server::start(count + 10);
     let idle = server.measure(Duration::from_secs(5));
     let clients = Clients::start(server.address(), count, count / STALLED, is_binary);
-    // Until all are connected and their first lists, which all come at once, are had.
+    // Waits until all are connected and have got their first lists, which all come at the same time.
     clients.wait_for_all();
     clients.pause(Duration::from_secs(2));
 
@@ -90,7 +90,7 @@ fn print_row(name: &str, figures: &Figures, used: &server::Use, idle: &server::U
     );
 }
 
-/// What a second of lists takes beside a second of the maps that they stand for.
+/// The bytes of a second of lists, beside those of a second of the maps that they stand for.
 fn bandwidth(server: &Server, message_bytes: usize) -> String {
     let map = server.map();
     let rate_kb = |bytes: usize| bytes as f64 * 25.0 * 1e-3;

@@ -1,4 +1,4 @@
-//! The server: the program in a process of its own, and what that uses.
+//! The server: the program in a process of its own, and the resources that it uses.
 
 use lightcast::files::{read, write_exr};
 use lightcast_core::image::{Frame, Pixels};
@@ -13,17 +13,17 @@ use std::time::{Duration, Instant};
 pub struct Server {
     child: Child,
     address: SocketAddr,
-    /// Reads what the program says, which would wait otherwise, and gives it in the end.
+    /// Reads the program's messages, which would block it otherwise, and returns them at the end.
     listener: Option<JoinHandle<String>>,
     _folder: tempfile::TempDir,
 }
 
-/// What a process used over some time.
+/// The resources that a process used over some time.
 #[derive(Clone, Copy)]
 pub struct Use {
     pub wall_s: f64,
     pub processor_s: f64,
-    /// The most.
+    /// The maximum.
     pub resident_mb: f64,
 }
 
@@ -84,7 +84,7 @@ impl Server {
         self.address
     }
 
-    /// What the process uses from now on for so long.
+    /// The resources that the process uses from now on, during `time`.
     pub fn measure(&self, time: Duration) -> Use {
         let (started, before_s) = (Instant::now(), self.processor_s());
         let mut resident_mb = 0.0_f64;
@@ -158,7 +158,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // Only where something has failed before.
+        // This matters only where something has failed before.
         let _ = self.child.kill();
     }
 }

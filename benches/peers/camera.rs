@@ -1,4 +1,4 @@
-//! From raw frames to polar maps and on.
+//! From raw frames to polar maps, and further to samples.
 
 use crate::arrays::{numbers, save};
 use crate::distribution::{Distribution, Inversion};

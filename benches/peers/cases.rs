@@ -13,11 +13,11 @@ use serde::Deserialize;
 use std::hint::black_box;
 use std::path::PathBuf;
 
-/// What can be asked for. Files are read unless it says `Written`.
+/// The cases that can be requested. Files are read unless they are marked `Written`.
 #[derive(Deserialize)]
 #[serde(tag = "case", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Case {
-    /// Raw frames (u16) of one lens to hemispherical maps. The first is timed; all are done once.
+    /// Raw frames (u16) of one lens to hemispherical maps. The first is timed; all are converted once.
     FrameToPolar {
         calibration: PathBuf,
         frames: Vec<PathBuf>,
@@ -57,7 +57,7 @@ pub enum Case {
     Read { files: Vec<PathBuf>, samples: PathBuf },
     /// Writes a picture (RGB, f32) as OpenEXR in half floats.
     Write { samples: PathBuf, width: usize, height: usize, file: PathBuf },
-    /// Reads so many bytes of memory once.
+    /// Reads this many bytes of memory once.
     Stream { bytes: usize },
 }
 

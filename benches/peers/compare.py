@@ -38,7 +38,7 @@ SAMPLES = 300
 def opencv_steps(scene, table, columns, rows):
     """Name, what makes a map of a frame, for the ways in which OpenCV does it."""
     radiance = np.empty((scene.height, scene.width), np.float32)
-    # As many places as the frame has pixels along a meridian.
+    # As many sample positions as the frame has pixels along a meridian.
     finer = 1
     while rows * finer < 0.5 * scene.height:
         finer *= 2
@@ -226,7 +226,7 @@ def main():
     print(f"Mitsuba {mitsuba.__version__}, OpenEXR {OpenEXR.__version__}, Python {platform.python_version()}")
     lightcast, table = Lightcast(arguments.command), Table()
     chains = frame_to_polar(lightcast, table, folder)
-    # Those of the small frame, with the sun of the frame that is timed.
+    # The maps of the small frame, with the sun of the frame that is timed.
     sampling(lightcast, table, folder, [maps[1] for *_, maps in chains[: len(MAPS)]])
     equality(lightcast, table, folder)
     open_exr(lightcast, table, folder)

@@ -15,7 +15,7 @@ pub enum Inversion {
     Bicontinuous,
 }
 
-/// What of the sampling is timed.
+/// The part of the sampling that is timed.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Part {

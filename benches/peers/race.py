@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 
-# A burst lasts at least so long; bursts of both sides alternate, and medians are over the steps of all
-# bursts. Times are the thread's processor time: what other processes take meanwhile does not count.
+# A burst lasts at least this long; bursts of both sides alternate, and medians are over the steps of all
+# bursts. Times are the thread's processor time: time that other processes take meanwhile does not count.
 BURST_S, ROUNDS = 0.03, 9
 
 

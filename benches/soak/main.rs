@@ -3,11 +3,11 @@
 //!
 //!     cargo bench --bench soak -- SECONDS [RECORD_FOLDER]
 //!
-//! Prints every ten seconds, and in the end, what was dropped and where, the resident memory, and the share
+//! Prints every ten seconds, and at the end, what was dropped and where, the resident memory, and the share
 //! of one processor that the process took. The camera is calculated (a driver's buffers hold the pictures of
-//! a moving lamp before a noisy gradient, made once); its frames are copied out of them as those of a real
-//! one are. With a folder the frames are recorded too; files older than two seconds are removed, so that ten
-//! minutes (150 GB) fit anywhere: how fast a disk is in the long run is not measured.
+//! a moving lamp before a noisy gradient, made once); its frames are copied out of them like those of a real
+//! one. With a folder the frames are recorded too; files older than two seconds are removed, so that ten
+//! minutes (150 GB) fit anywhere: the long-term speed of a disk is not measured.
 
 use lightcast::calibrate::Calibration;
 use lightcast::config::Config;
@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 const SIDE: usize = 1024;
 const RATE_HZ: u64 = 60;
-/// Pictures that the camera goes round.
+/// Pictures that the camera cycles through.
 const PICTURES: usize = 16;
 /// Pictures that its driver keeps for a slow reader; older ones are lost, as in the kernel's queue.
 const BUFFERS: u64 = 4;
@@ -73,7 +73,7 @@ impl LiveCamera for Calculated {
         if !wait.is_zero() {
             self.shutdown.wait(wait.min(patience));
         }
-        // What has been taken by now; the driver has the last few.
+        // Frames that have been captured by now; the driver has the last few.
         let newest = start.elapsed().as_nanos() as u64 * RATE_HZ / 1_000_000_000;
         if newest < self.next {
             return Ok(Captured::Nothing);
@@ -121,7 +121,7 @@ fn config(folder: &Path) -> Result<Config> {
     Config::load(&folder.join("soak.toml"))
 }
 
-/// Removes recorded files, but for those of the last two seconds.
+/// Removes recorded files, except those of the last two seconds.
 fn forget(folder: &Path, newest: u64, forgotten: &mut u64) {
     while *forgotten + 2 * RATE_HZ < newest {
         // A frame that was dropped has no file.

@@ -1,4 +1,4 @@
-//! What a frame costs against the size of the map and the number of lights: a table with fitted exponents,
+//! The cost of a frame against the size of the map and the number of lights: a table with fitted exponents,
 //! and a plot.
 
 use super::scene;
@@ -12,16 +12,16 @@ use lightcast_core::light::{Extractor, MapIrradiance, Options};
 use rustix::time::{ClockId, clock_gettime};
 use std::hint::black_box;
 
-/// Rows of the maps, which have four times as many columns, and numbers of lights: each four times the one
-/// before in pixels and in lights.
+/// Rows of the maps, which have four times as many columns, and numbers of lights: each has four times the
+/// pixels or lights of the previous one.
 const ROWS: [usize; 5] = [45, 90, 180, 360, 720];
 const LIGHTS: [usize; 5] = [16, 64, 256, 1024, 4096];
-/// What is fixed where the other varies.
+/// The fixed size and number of lights while the other varies.
 const FIXED_ROWS: usize = 90;
 const FIXED_LIGHTS: usize = 256;
 /// Pixels of the raw frame along a side.
 const FRAME: usize = 1024;
-/// A step is repeated so long, and at least so often.
+/// A step is repeated for at least this time, and at least this many times.
 const LEAST_TIME_MS: f64 = 200.0;
 const LEAST_REPEATS: usize = 5;
 
@@ -32,7 +32,7 @@ const STEPS: [&str; 5] = [
     "filter and list's error",
     "of which the error",
 ];
-/// The last is part of the one before.
+/// The last step is part of the one before.
 const APART: usize = STEPS.len() - 1;
 
 /// Median times in ms of the steps of a frame.
@@ -127,7 +127,7 @@ fn steps(shape: PolarShape, lights: usize, matrix_ms: f64) -> [f64; STEPS.len()]
     [matrix_ms, extract_ms, map_ms, filter_ms, error_ms]
 }
 
-/// Median of the processor's time: what other processes take of it does not count.
+/// Median of the thread's processor time: time that other processes take does not count.
 fn median_ms(mut step: impl FnMut(usize)) -> f64 {
     let now_ms = || {
         let time = clock_gettime(ClockId::ThreadCPUTime);

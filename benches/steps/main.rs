@@ -3,9 +3,9 @@
 //! -- NAME` runs those whose name contains NAME. `make cost` (`cargo bench --bench steps -- --cost FILE`)
 //! draws cost against map size and number of lights.
 //!
-//! Everything runs on one thread. The surroundings are a sky with clouds, a small sun and lamps; what
-//! radiances are does not change the work of calibration and tables, and that of the rest only through where
-//! the lights crowd.
+//! Everything runs on one thread. The surroundings are a sky with clouds, a small sun and lamps; the
+//! radiances do not affect the cost of calibration and tables, and affect that of the rest only by where the
+//! lights crowd.
 
 mod cost;
 mod scene;
@@ -62,7 +62,7 @@ fn name_of(shape: PolarShape) -> String {
     format!("{}x{}", shape.columns(), shape.rows())
 }
 
-/// Raw frame, of a mosaic sensor or not, to polar map, and the reading of as many bytes.
+/// From a raw frame, of a mosaic sensor or not, to a polar map, and a read of as many bytes.
 fn calibrate(
     criterion: &mut Criterion,
     table: &mut table::Table,
@@ -155,7 +155,7 @@ fn lights(criterion: &mut Criterion, table: &mut table::Table, shape: PolarShape
     table.row(&name, "error estimate, list and prefixes", None, String::new());
 }
 
-/// What a renderer asks of a list.
+/// The steps that a renderer needs for a list.
 fn for_rendering(criterion: &mut Criterion, table: &mut table::Table) {
     let shape = PolarShape::hemisphere(360, 90);
     let mut extractor =
@@ -164,7 +164,7 @@ fn for_rendering(criterion: &mut Criterion, table: &mut table::Table) {
     extractor.extract(&scene::map(shape), &mut list);
     let (mut clusters, mut places) = (Vec::new(), Vec::new());
     let (regions, mut lists) = (Regions::for_normals(), RegionLists::default());
-    // Each once, for the remarks of a table of which only some rows are measured.
+    // Each step runs once, for the remarks of a table of which only some rows are measured.
     cluster(&list.lights, CLUSTERS, &mut clusters, &mut places);
     regions.assign(&list.lights, LIGHTS, &mut lists);
     let mut group = criterion.benchmark_group("for rendering");
@@ -182,8 +182,8 @@ fn for_rendering(criterion: &mut Criterion, table: &mut table::Table) {
     table.row("for rendering", "200 regions, 300 lights", Some("< 1 ms"), remark);
 }
 
-/// What a list costs on its way to clients: made once for all of them, put together for each, taken apart by
-/// each.
+/// The cost of sending a list to clients: its body is made once for all of them, the message is assembled for
+/// each and decoded by each.
 fn messages(criterion: &mut Criterion, table: &mut table::Table) {
     let shape = PolarShape::hemisphere(360, 90);
     let mut extractor =
@@ -192,7 +192,7 @@ fn messages(criterion: &mut Criterion, table: &mut table::Table) {
     extractor.extract(&scene::map(shape), &mut list);
     let (mut body, mut bytes, mut object, mut text) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (delivery, mut message) = (Delivery::default(), Message::default());
-    // Each once: a benchmark that is measured alone has the input that another makes.
+    // Each step runs once: a benchmark that is measured alone then has the input that another one makes.
     binary::encode_list(&list, &mut body).expect("a sound list");
     binary::encode(&body, &delivery, &mut bytes);
     write_list_line(&list, &mut object).expect("memory takes them");
@@ -227,7 +227,7 @@ fn messages(criterion: &mut Criterion, table: &mut table::Table) {
     }
 }
 
-/// All steps from a raw frame of 640 x 480 to the list that leaves.
+/// All steps from a raw frame of 640 x 480 to the filtered list.
 fn chain() -> impl FnMut(&mut ReferencedList) {
     let shape = PolarShape::hemisphere(360, 90);
     let (lens, response) = (scene::lens(640, 480), scene::response());

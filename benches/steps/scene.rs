@@ -1,4 +1,4 @@
-//! What the benchmarks look at: a lens, a response, and surroundings that change a little from frame to
+//! The scene of the benchmarks: a lens, a response, and surroundings that change a little from frame to
 //! frame.
 
 use glam::{DVec2, DVec3};

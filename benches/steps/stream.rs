@@ -1,4 +1,4 @@
-//! What memory gives.
+//! The bandwidth of memory.
 
 /// Reads every word once, eight sums side by side.
 pub fn read(words: &[u64]) -> [u64; 8] {

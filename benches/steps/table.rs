@@ -16,7 +16,7 @@ struct Row {
 }
 
 impl Table {
-    /// Adds a row for a benchmark: what was published, and what else is to be said.
+    /// Adds a row for a benchmark, with the published figure and a remark.
     pub fn row(&mut self, group: &str, name: &str, published: Option<&'static str>, remark: String) {
         self.rows.push(Row { group: group.to_owned(), name: name.to_owned(), published, remark });
     }

@@ -1,5 +1,5 @@
-// Adds the light of a ground that reaches to the horizon on all sides, is lit evenly and hidden by nothing.
-// CPU twin: render::ambient::twin.
+// Adds the light of a ground that reaches to the horizon on all sides, is lit evenly and not occluded. CPU
+// twin: render::ambient::twin.
 
 struct Ground {
     radiance: vec3f,
@@ -7,7 +7,7 @@ struct Ground {
 
 @group(1) @binding(0) var<uniform> ground: Ground;
 
-// Over pi: the lower half of the sphere has the ground's radiance.
+// The irradiance divided by pi: the lower half of the sphere has the ground's radiance.
 fn irradiance_over_pi(normal: vec3f) -> vec3f {
     return ground.radiance * (0.5 * (1.0 - normal.y));
 }

@@ -1,8 +1,8 @@
 // How a directional light sees the scene. Both the pass that draws the shadow maps and the one that reads
 // them rebuild a light's projection from its direction alone (Havran et al. 2005, section 5.2.1): the extents
-// below are all that they share. CPU twin: src/render/directional/light_space.rs.
+// below are the only data that they share. CPU twin: src/render/directional/light_space.rs.
 
-// Axis-aligned box about what casts shadows, and the atlas of square tiles.
+// Axis-aligned box around the shadow casters, and the atlas of square tiles.
 struct LightSpace {
     caster_centre: vec3f,
     tile_px: f32,
@@ -10,7 +10,7 @@ struct LightSpace {
     tiles_per_side: u32,
 }
 
-// What a shadow map shows: a rectangle across the light, and a range of heights along it.
+// The extent of a shadow map: a rectangle across the light, and a range of heights along it.
 struct Window {
     centre: vec2f,
     half: vec2f,
@@ -20,7 +20,7 @@ struct Window {
 }
 
 // Right-handed axes across and towards a light, as columns (Duff et al. 2017, about +Y). They turn smoothly
-// with the direction down to 30 degrees below the horizon, so that a moving light does not let its shadow map
+// with the direction down to 30 degrees below the horizon, so that the shadow map of a moving light does not
 // jump.
 fn light_basis(d: vec3f) -> mat3x3f {
     let s = select(-1.0, 1.0, d.y > -0.5);
@@ -29,8 +29,8 @@ fn light_basis(d: vec3f) -> mat3x3f {
     return mat3x3f(vec3f(1.0 + s * d.x * d.x * a, -s * d.x, s * b), vec3f(b, -d.z, s + d.z * d.z * a), d);
 }
 
-// The tightest window about the box: outside of it nothing casts. A border of two texels keeps neighbouring
-// tiles out of the filters.
+// The tightest window around the box: outside it nothing casts shadows. A border of two texels keeps
+// neighbouring tiles out of the filters.
 fn light_window(basis: mat3x3f, space: LightSpace) -> Window {
     let caster = transpose(basis) * space.caster_centre;
     let extent = transpose(mat3x3f(abs(basis[0]), abs(basis[1]), abs(basis[2])));
@@ -39,8 +39,8 @@ fn light_window(basis: mat3x3f, space: LightSpace) -> Window {
     var window: Window;
     window.centre = caster.xy;
     window.half = max(half.xy * border, vec2f(1e-6));
-    // What lies in the plane of the box's top must not be clipped by rounding, and depth 1 means that there
-    // is nothing.
+    // Geometry in the plane of the box's top must not be clipped by rounding, and depth 1 means that there is
+    // no caster.
     let margin = 1e-3 * half.z + 1e-6 * (abs(caster.z) + half.x + half.y);
     window.top = caster.z + half.z + margin;
     window.range = max(2.0 * (half.z + margin), 1e-6);

@@ -1,8 +1,8 @@
-// Distributes lights to angular regions, one workgroup a region, in the order of the list (Havran et al.
+// Distributes lights to angular regions, one workgroup per region, in the order of the list (Havran et al.
 // 2005, section 4.1). CPU twin: light::Regions::assign.
 
 struct Assignment {
-    // Lights first_light .. first_light + light_count of the buffer; their numbers count from first_light.
+    // Lights first_light .. first_light + light_count of the buffer; their indices count from first_light.
     first_light: u32,
     light_count: u32,
     // Lights that a region can hold, and the word of `lists` at which the first region starts.
@@ -23,7 +23,7 @@ const LANES = 64u;
 @group(0) @binding(1) var<storage, read> lights: array<Light>;
 // Direction of a region's centre, and the least dot product with it of the lights that belong to the region.
 @group(0) @binding(2) var<storage, read> caps: array<vec4f>;
-// For every region: lights held, the factor for their power, and their numbers.
+// For every region: number of lights held, the factor for their power, and their indices.
 @group(0) @binding(3) var<storage, read_write> lists: array<u32>;
 
 var<workgroup> ranks: array<u32, 64>;
@@ -34,7 +34,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
     let cap = caps[group.x];
     let start = assignment.first_word + group.x * (assignment.capacity + 2u);
     var held = 0u;
-    // Luminance of the lights within the region, and of those that found room.
+    // Luminance of the lights within the region, and of those that fitted into its list.
     var sum = vec2f(0.0);
     for (var base = 0u; base < assignment.light_count; base += LANES) {
         let number = base + lane;
@@ -45,7 +45,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
             luminance = dot(light.irradiance, vec3f(0.2126, 0.7152, 0.0722));
             belongs = dot(light.direction, cap.xyz) >= cap.w && any(light.irradiance > vec3f(0.0));
         }
-        // Inclusive prefix sum of the lanes that hold a light: their places in the list.
+        // Inclusive prefix sum of the lanes that hold a light: their positions in the list.
         ranks[lane] = u32(belongs);
         workgroupBarrier();
         for (var step = 1u; step < LANES; step *= 2u) {

@@ -39,10 +39,10 @@ override COUNTS: bool = false;
 @group(1) @binding(5) var<storage, read> region_lists: array<u32>;
 @group(1) @binding(6) var atlas: texture_depth_2d;
 @group(1) @binding(7) var<storage, read> energies: array<f32>;
-// Pixels that show a surface, lights looked at, lights shaded.
+// Pixels that show a surface, lights considered, lights shaded.
 @group(1) @binding(8) var<storage, read_write> counts: array<atomic<u32>, 3>;
 
-// Mean over the cosines and roughnesses about: bilinear.
+// Bilinear interpolation over the neighbouring cosines and roughnesses.
 fn directional_albedo(n_v: f32, roughness: f32) -> f32 {
     let side = f32(ENERGY_SIDE);
     let at = clamp(vec2f(n_v, roughness) * side - 0.5, vec2f(0.0), vec2f(side - 1.0));
@@ -59,15 +59,15 @@ fn gradient_noise(pixel: vec2f) -> f32 {
     return fract(52.9829189 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
 }
 
-// How much of its light a point keeps whose triangle is turned from the light more than its smoothed normal
-// says: all at the same angle, nothing where the triangle turns away, and no edge between (Chiang, Li and
-// Burley 2019, Taming the shadow terminator).
+// Part of its light that a point keeps if its triangle is turned farther from the light than its smoothed
+// normal: all at the same angle, nothing where the triangle faces away, and a smooth transition between
+// (Chiang, Li and Burley 2019, Taming the shadow terminator).
 fn terminator(n_l: f32, face_l: f32, face_n: f32) -> f32 {
     let g = clamp(face_l / max(n_l * face_n, 1e-6), 0.0, 1.0);
     return g * (1.0 + g * (1.0 - g));
 }
 
-// Cell of a cube map that holds a vector, as math::cube_cell.
+// Cell of a cube map that holds a vector, as in math::cube_cell.
 fn cube_cell(d: vec3f, side: u32) -> u32 {
     let magnitude = abs(d);
     var face = 0u;
@@ -111,7 +111,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
     var looked_at = 0u;
     var shaded = 0u;
 
-    // Set H: diffuse light everywhere, specular light outside of the cone.
+    // Set H: diffuse light everywhere, specular light outside the cone.
     var first = 0u;
     var count = shade.high_count;
     var factor = 1.0;
@@ -135,7 +135,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
         shaded += 1u;
         var reflectance = diffuse_reflectance(s, view, light.direction);
         if is_glossy && dot(mirrored, light.direction) < shade.cone_cosine {
-            // With a cone the part of a wide light's lobe that reaches into it is what set L is there for.
+            // With a cone, set L covers the part of a wide light's lobe that reaches into it.
             let spread_rad = select(light.spread_rad, 0.0, shade.cone_cosine <= 1.0);
             reflectance += specular_reflectance(s, view, light.direction, spread_rad, energy);
         }

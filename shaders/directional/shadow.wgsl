@@ -16,7 +16,7 @@ struct CutOut {
     @location(1) colour: vec4f,
 }
 
-// Of materials with holes.
+// For materials with holes.
 @vertex
 fn vertex_cut_out(
     @location(0) position: vec3f,
@@ -35,8 +35,8 @@ fn fragment_cut_out(in: CutOut) {
 }
 
 fn in_tile(position: vec3f, index: u32) -> vec4f {
-    // One number says which tile and which instance: base vertices and instances are all that a draw can
-    // carry.
+    // One number encodes both tile and instance: base vertex and base instance are the only parameters of a
+    // draw.
     let count = arrayLength(&instances);
     let world = instances[index % count].world_from_mesh * vec4f(position, 1.0);
     let basis = light_basis(tiles[index / count].xyz);

@@ -1,14 +1,16 @@
-// How much of a light reaches a place: soft shadows from the atlas (Havran et al. 2005, section 5.2). A part
+// How much of a light reaches a point: soft shadows from the atlas (Havran et al. 2005, section 5.2). A part
 // of the shading pass. CPU twin: src/render/directional/shade_twin.rs.
 
 const NO_TILE = 0xffffffffu;
-// A facet nearly along the light would be lifted off all that casts shadows on it.
+// Without this limit, a facet nearly parallel to the light would be lifted off everything that casts shadows
+// on it.
 const MOST_BEND_BIAS_TEXELS = 8.0;
 
-// Where a shadow map is read: the tile's window, the receiver seen from the light, and its plane.
+// A position at which a shadow map is read: the tile's window, the receiver as seen from the light, and its
+// plane.
 struct Lookup {
     window: Window,
-    // Corner of the tile in texels, texels for a unit across the light.
+    // Corner of the tile in texels, and texels per unit across the light.
     corner: vec2f,
     texels: vec2f,
     receiver: vec3f,
@@ -30,7 +32,8 @@ fn caster_over_plane(at: Lookup, texel: vec2f) -> f32 {
     return at.window.top - depth * at.window.range - plane - at.bias;
 }
 
-// Share of the light that passes: four comparisons, weighted bilinearly. Outside of the window nothing casts.
+// Share of the light that passes: four comparisons, weighted bilinearly. Outside the window nothing casts
+// shadows.
 fn compare(at: Lookup, across: vec2f) -> f32 {
     let texel = (across - at.window.centre + at.window.half) * at.texels - 0.5;
     if any(texel < vec2f(-0.5)) || any(texel > vec2f(space.tile_px - 0.5)) {
@@ -48,7 +51,7 @@ fn compare(at: Lookup, across: vec2f) -> f32 {
 }
 
 // Tangent of the angular radius of a disc whose RMS angle is `spread_rad`; near a right angle and beyond it
-// the disc is the sky, which the search in a shadow map is cut to anyway.
+// the disc is the whole sky, and the search in a shadow map is limited anyway.
 fn disc_radius(spread_rad: f32) -> f32 {
     return 1.41421356 * tan(min(spread_rad, 1.5));
 }
@@ -61,15 +64,15 @@ fn disc_point(index: u32, count: u32, turn: f32) -> vec2f {
 
 // By how many texels a caster must stand over a receiver's plane to hide it. The rasteriser moves corners by
 // 1/256 pixel, which steep triangles turn into height. Neighbouring triangles of a curved surface rise over
-// the plane of this one: at an angle b between them by tan(a + b) - tan(a) a texel, which is b (1 + tan^2 a)
-// nearly. Near their edge b is twice the angle `bend` between the triangle and the smoothed normal; flat
-// things have none, and gain no bias.
+// the plane of this one: at an angle b between them by tan(a + b) - tan(a) per texel, which is approximately
+// b (1 + tan^2 a). Near their edge b is twice the angle `bend` between the triangle and the smoothed normal;
+// flat surfaces have none, and get no bias.
 fn bias_texels(slope: f32, bend: f32) -> f32 {
     return 0.25 + slope / 64.0 + min(2.0 * bend * (1.0 + slope * slope), MOST_BEND_BIAS_TEXELS);
 }
 
 // Share of a light that reaches `position` past the casters of a tile. `radius` is the tangent of the light's
-// angular radius: the penumbra is as wide as what hides the light is far (Fernando 2005).
+// angular radius: the width of the penumbra grows with the distance of the occluder (Fernando 2005).
 fn visibility(tile: u32, radius: f32, position: vec3f, face: vec3f, bend: f32, turn: f32) -> f32 {
     if tile == NO_TILE {
         return 1.0;

@@ -21,7 +21,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         if index < arrayLength(&radiance) {
             let pixel = radiance[index];
             let luminance = dot(pixel.rgb, vec3f(0.2126, 0.7152, 0.0722));
-            // Pixels that show nothing, or a black surface, say nothing about the exposure.
+            // Pixels that show nothing, or a black surface, do not count for the exposure.
             if pixel.a > 0.0 && luminance > 0.0 {
                 let place = (log2(luminance / pixel.a) - LEAST_STOP) * (f32(BINS) / STOPS);
                 atomicAdd(&counts[u32(clamp(place, 0.0, f32(BINS) - 1.0))], 1u);

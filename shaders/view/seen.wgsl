@@ -1,16 +1,16 @@
-// What a lighting sees of a view, and how it adds to it; each joins this file before its own. CPU twin:
-// src/render/view/seen_twin.rs.
+// The parts of a view that a lighting reads, and how it adds its light; every lighting puts this file before
+// its own. CPU twin: src/render/view/seen_twin.rs.
 
 // The picture that is taken: one sample of every pixel.
 struct Sample {
-    // To places relative to the eye.
+    // To positions relative to the eye.
     eye_from_clip: mat4x4f,
     eye: vec3f,
-    // Factor for what this sample adds.
+    // Factor for the light that this sample adds.
     weight: f32,
-    // Factor for what earlier samples left; 0 drops it, whatever it is.
+    // Factor for the sum of earlier samples; 0 drops it, whatever it is.
     keep: f32,
-    // Whether surfaces count and glow in this pass: once for every sample, however often light is added.
+    // Whether surfaces count and emit in this pass: once for every sample, however often light is added.
     has_emission: u32,
     size: vec2u,
     seed: u32,
@@ -41,7 +41,7 @@ struct Seen {
 @group(0) @binding(1) var depths: texture_depth_2d;
 @group(0) @binding(2) var normals: texture_2d<u32>;
 @group(0) @binding(3) var reflectances: texture_2d<u32>;
-// Linear RGB, and the share of a pixel that shows anything.
+// Linear RGB, and the coverage of the pixel.
 @group(0) @binding(4) var<storage, read_write> radiance: array<vec4f>;
 
 fn octahedral_direction(packed: u32) -> vec3f {
@@ -55,14 +55,14 @@ fn shows_surface(pixel: vec2u) -> bool {
     return textureLoad(depths, pixel, 0) > 0.0;
 }
 
-// Place relative to the eye of a depth behind the middle of a pixel.
+// Position relative to the eye of a depth behind the centre of a pixel.
 fn from_eye(pixel: vec2u, depth: f32) -> vec3f {
     let ndc = (vec2f(pixel) + 0.5) / vec2f(taken.size) * vec2f(2.0, -2.0) + vec2f(-1.0, 1.0);
     let homogeneous = taken.eye_from_clip * vec4f(ndc, depth, 1.0);
     return homogeneous.xyz / homogeneous.w;
 }
 
-// Of a pixel that shows a surface.
+// The data of a pixel that shows a surface.
 fn seen_at(pixel: vec2u) -> Seen {
     let packed_normals = textureLoad(normals, pixel, 0);
     let packed = textureLoad(reflectances, pixel, 0);

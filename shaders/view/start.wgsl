@@ -1,5 +1,5 @@
-// Starts a sample: what earlier ones left, what surfaces emit by themselves, and what is seen where there is
-// none; then the lightings add to it. CPU twin: src/render/view/seen_twin.rs, of the panorama
+// Starts a sample with the sum of earlier ones, the emission of surfaces, and the background where there is
+// no surface; then the lightings add to it. CPU twin: src/render/view/seen_twin.rs, of the panorama
 // src/render/view/background.rs.
 
 struct Background {
@@ -17,7 +17,7 @@ const TAU = 6.28318531;
 // Columns are azimuth, rows the polar angle.
 @group(1) @binding(1) var panorama: texture_2d<f32>;
 
-// Over the seam the other edge goes on; at the poles the last row does.
+// Across the seam the picture continues at the other edge; at the poles the last row is repeated.
 fn panorama_texel(column: i32, row: i32) -> vec3f {
     let size = vec2i(textureDimensions(panorama));
     return textureLoad(panorama, vec2i((column + size.x) % size.x, clamp(row, 0, size.y - 1)), 0).rgb;
@@ -37,7 +37,7 @@ fn panorama_at(d: vec3f) -> vec3f {
     return mix(first, second, f.y);
 }
 
-// With the share of the pixel that shows anything.
+// The background, with the coverage of the pixel.
 fn behind(pixel: vec2u) -> vec4f {
     if background.kind == NOTHING {
         return vec4f(0.0);
@@ -54,7 +54,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
         return;
     }
     let index = pixel.y * taken.size.x + pixel.x;
-    // Not a product with 0: what was there may be infinite.
+    // Not a product with 0, because the old value may be infinite.
     let before = select(taken.keep * radiance[index], vec4f(0.0), taken.keep == 0.0);
     var own = vec4f(0.0);
     if taken.has_emission != 0u {

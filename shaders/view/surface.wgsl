@@ -1,7 +1,8 @@
-// Draws what every pixel shows: normals, reflectances and emission. Depth is reversed: 0 is infinitely far.
+// Draws the visible surface of every pixel: normals, reflectances and emission. Depth is reversed: 0 is
+// infinitely far.
 
 struct Camera {
-    // From places relative to the eye.
+    // From positions relative to the eye.
     clip_from_eye: mat4x4f,
     eye: vec3f,
 }
@@ -11,7 +12,7 @@ struct Camera {
 
 struct Varyings {
     @builtin(position) clip: vec4f,
-    // Place relative to the eye.
+    // Position relative to the eye.
     @location(0) from_eye: vec3f,
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
@@ -39,10 +40,11 @@ fn vertex(
 }
 
 struct Surface {
-    // Octahedral shading normal, octahedral normal of the triangle (both towards the eye); as halves
-    // emission, and 1 where shadows fall.
+    // Octahedral shading normal, octahedral normal of the triangle (both towards the eye); emission as
+    // halves, and 1 where the surface receives shadows.
     @location(0) normals: vec4u,
-    // Diffuse and specular reflectance, gloss and how far the normal is bent from the triangle's, as halves.
+    // Diffuse and specular reflectance, gloss, and the angle between the normal and the triangle's, as
+    // halves.
     @location(1) reflectances: vec4u,
 }
 
@@ -79,18 +81,18 @@ fn fragment(in: Varyings) -> Surface {
     let base = base_colour(in.uv, in.colour);
     let metal_rough = textureSample(metallic_roughness_map, texture_sampler, in.uv);
     let normal_sample = textureSample(normal_map, texture_sampler, in.uv).xyz;
-    // Halves hold no more.
+    // Halves cannot hold larger values.
     let emission = min(material.emissive * textureSample(emissive_map, texture_sampler, in.uv).xyz, vec3f(65504.0));
     if base.a < material.alpha_cutoff {
         discard;
     }
 
-    // Scaled, so that scenes of any size have products that floats can hold.
+    // Scaled, so that the products are within the range of floats for scenes of any size.
     let longest = max(abs(dp_dx), abs(dp_dy));
     let scale = 1.0 / max(max(longest.x, max(longest.y, longest.z)), 1e-37);
     var face = cross(scale * dp_dx, scale * dp_dy);
     let area = dot(face, face);
-    // A triangle seen exactly from its edge has no derivatives to speak of; its vertices know better.
+    // A triangle seen edge-on has no usable derivatives; the normals of its vertices are better.
     face = select(normalize(in.normal), face * inverseSqrt(max(area, 1e-30)), area > 1e-12);
     face = select(face, -face, dot(face, in.from_eye) > 0.0);
     var normal = normalize(in.normal);

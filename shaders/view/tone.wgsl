@@ -1,4 +1,4 @@
-// Radiance to a screen: exposure and a tone curve. The target codes the result as sRGB. CPU twin:
+// Radiance to a screen: exposure and a tone curve. The target encodes the result as sRGB. CPU twin:
 // render::view::tone::twin::fragment.
 
 struct Exposure {
@@ -12,9 +12,9 @@ struct Screen {
     size: vec2u,
     // REINHARD, SRGB, or none.
     curve: u32,
-    // Whether the background is left out, and alpha says how much of a pixel is not.
+    // Whether the background is left out and alpha holds the coverage of the pixel.
     is_transparent: u32,
-    // Factor on radiance and what becomes white; a factor of 0: as the picture is.
+    // Factor on radiance, and the value that becomes white; a factor of 0: both come from the picture.
     fixed_scale: f32,
     fixed_white: f32,
 }
@@ -27,7 +27,7 @@ const REINHARD = 0u;
 const SRGB = 1u;
 // Radiance behind the scene, in log-averages.
 const BACKDROP = 0.25;
-// What a log-average is mapped to where the picture does not say.
+// The value that a log-average is mapped to where the picture does not determine it.
 const MIDDLE_GREY = 0.18;
 
 @vertex
@@ -42,7 +42,7 @@ fn reinhard(scaled: vec3f, white: f32) -> vec3f {
     return scaled * (1.0 + luminance / (white * white)) / (1.0 + luminance);
 }
 
-// As math::linear_from_srgb: what the target codes comes out as it went in.
+// As math::linear_from_srgb: undoes the target's encoding in advance.
 fn linear_from_srgb(coded: vec3f) -> vec3f {
     return select(pow((coded + 0.055) / 1.055, vec3f(2.4)), coded / 12.92, coded <= vec3f(0.04045));
 }
@@ -61,10 +61,10 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     }
     var scaled = scale * seen.rgb + (1.0 - seen.a) * backdrop;
     if screen.is_transparent != 0u {
-        // Files keep colours apart from alpha.
+        // PNG files store colours that are not multiplied by alpha.
         scaled = scale * (seen.rgb / max(seen.a, 1e-6));
     }
-    // As far above white as makes no difference, and its square is still a number.
+    // This is so far above white that it makes no difference, and its square is still finite.
     scaled = min(scaled, vec3f(1e18));
     let alpha = select(1.0, seen.a, screen.is_transparent != 0u);
     if screen.curve == REINHARD {

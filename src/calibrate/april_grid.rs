@@ -12,7 +12,7 @@ use serde::Deserialize;
 use std::io::Read;
 use std::path::Path;
 
-/// Sizes of a board.
+/// Dimensions of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AprilGrid {
     /// Tags from left to right.
@@ -21,11 +21,11 @@ pub struct AprilGrid {
     pub rows: usize,
     /// Edge of a tag's black square, in metres.
     pub tag_size_m: f64,
-    /// Gap between two tags, in edges of a tag.
+    /// Gap between two tags, as a fraction of a tag's edge.
     pub spacing: f64,
 }
 
-/// Tags in the family.
+/// Number of tags in the family.
 const TAGS_MAX: usize = 587;
 
 /// Smallest picture side: the detector looks at 9 x 9 pixels around a corner, and a tag has ten cells.
@@ -46,7 +46,7 @@ struct File {
     /// Number of the first tag in some versions of the file; only 0 is known here.
     #[serde(default)]
     low_id: usize,
-    /// Of Kalibr's own code; without a meaning here.
+    /// Used by Kalibr's own code; without a meaning here.
     #[serde(default, rename = "codeOffset")]
     code_offset: usize,
 }
@@ -117,8 +117,8 @@ impl AprilGrid {
         (row < self.rows).then(|| DVec2::new(column as f64, row as f64) * step_m + *within * self.tag_size_m)
     }
 
-    /// The corners of all tags that are found in a photograph, by tag; none where there is no board. Tags
-    /// that the board does not have are left out.
+    /// The corners of all tags that are found in a photograph, by tag; empty where there is no board. Tags
+    /// that do not belong to the board are left out.
     ///
     /// # Errors
     /// `BadFrame` for pictures of less than 32 pixels a side and for those on which the detector gives up.
@@ -144,7 +144,7 @@ impl AprilGrid {
             .flat_map(|(tag, pixels)| pixels.iter().enumerate().map(|(corner, pixel)| (*tag, corner, *pixel)))
             .filter_map(|(tag, corner, (x, y))| {
                 let board_m = self.corner_m(tag as usize, corner)?;
-                // The detector puts whole numbers at pixel centres.
+                // The detector has integer coordinates at pixel centres.
                 let pixel = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
                 pixel.is_finite().then_some(Corner { board_m, pixel })
             })

@@ -2,22 +2,23 @@
 //!
 //! After Debevec and Malik 1997, *Recovering High Dynamic Range Radiance Maps from Photographs*: the
 //! logarithm of the exposure that a code stands for, `g(code) = ln E + ln t`, follows by least squares from
-//! codes of the same places in several pictures, the scene's radiances E being eliminated. It differs in
-//! three points, found on real pictures:
+//! the codes of the same positions in several pictures, where the scene's radiances E are eliminated. The
+//! method here differs in three points, which real pictures made necessary:
 //!
-//! - Where every step of the bracket is the same ratio, g is free by any function that repeats with that
-//!   ratio, and an equation for every code with a little smoothing takes stairs for the truth. Here g is `c
-//!   ln(code - black + 1/2)` plus a polynomial of the code (as Mitsunaga and Nayar 1999 have for the
-//!   radiance): straight lines, gamma curves, logarithms and the S-curves of photographs, but no stairs. Its
-//!   degree is the smallest of 1 to 6 whose misfit is within 10 % of the best, of those that rise everywhere.
-//!   Beyond the codes that were seen, g goes on as a power of the code.
-//! - The places are means over blocks without edges, which have less noise than pixels and codes between
-//!   whole ones. Every code has the same say, however much of the picture has it; residuals count by what a
-//!   code is worth at the slope of g, and large ones (things that moved) by their size only (Huber).
+//! - Where all steps of the bracket have the same ratio, g is determined only up to a function that is
+//!   periodic in that ratio, and one unknown per code with a little smoothing produces staircases. Here g is
+//!   `c ln(code - black + 1/2)` plus a polynomial of the code (which Mitsunaga and Nayar 1999 use for the
+//!   radiance): it can represent straight lines, gamma curves, logarithms and the S-curves of photographs,
+//!   but no staircases. Its degree is the smallest of 1 to 6 whose misfit is within 10 % of the best, among
+//!   those that rise everywhere. Beyond the observed codes, g is extrapolated as a power of the code.
+//! - The samples are means over blocks without edges, which have less noise than pixels and also fractional
+//!   codes. Every code has the same weight, however often it occurs in the picture; residuals are weighted by
+//!   the error of a code at the slope of g, and large ones (things that moved) count linearly (Huber).
 //! - All channels share one curve. Cameras apply the same curve to each channel after white balance.
 //!
-//! Pictures alone tell exposure ratios only up to a power (Grossberg and Nayar 2003), so times or a response
-//! must be known. But one picture's time follows from the others': [`BracketFit::recovered_s`].
+//! Pictures alone determine exposure ratios only up to a power (Grossberg and Nayar 2003), so times or a
+//! response must be known. But one picture's time follows from those of the others:
+//! [`BracketFit::recovered_s`].
 
 mod curve;
 mod samples;
@@ -31,7 +32,7 @@ use lightcast_core::camera::{Response, ResponseModel};
 pub use samples::BracketSamples;
 use solver::{Solution, solve};
 
-/// Codes that say nothing, as far as they are known.
+/// Limits beyond which codes carry no information, where they are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CodeLimits {
     /// Code without light; 0 if `None`.
@@ -44,36 +45,37 @@ pub struct CodeLimits {
 /// The response of a bracket.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BracketFit {
-    /// Codes to radiance times seconds, so radiance at an exposure of 1 s; relative, 1 at the middle code.
-    /// Piecewise linear with up to 256 knees.
+    /// Maps codes to radiance times seconds, that is, radiance at an exposure of 1 s; relative, 1 at the
+    /// middle code. Piecewise linear with up to 256 knees.
     pub response: Response,
     /// Degree of the polynomial.
     pub degree: usize,
-    /// Blocks that the curve was fitted to, a channel of a block being one.
+    /// Number of samples that the curve was fitted to; each channel of a block is one.
     pub samples: usize,
     /// Smallest and largest code among them.
     pub codes_seen: (f64, f64),
-    /// For every picture the RMS deviation of its samples from the radiances of all, in stops.
+    /// For every picture the RMS deviation of its samples from the radiances found from all pictures, in
+    /// stops.
     pub misfit_stops: Vec<f64>,
-    /// For every picture its exposure time as it follows from the pictures, with the times of all others
-    /// given, 0 where they do not tell; empty for two pictures, where nothing would be left to compare with.
+    /// For every picture its exposure time as determined from the pictures and the times of all others, 0
+    /// where they do not determine it; empty for two pictures, where nothing would be left to compare with.
     pub recovered_s: Vec<f64>,
 }
 
 /// Most knees of the response.
 const MOST_KNEES: usize = 256;
 const LARGEST_DEGREE: usize = 6;
-/// Ratio of the misfit to the smallest from which a degree is too low.
+/// A degree is too low if its misfit exceeds the smallest by this factor.
 const WORTH_A_DEGREE: f64 = 1.1;
-/// Blocks that two neighbouring exposures must have in common.
+/// Fewest samples that two neighbouring exposures must have in common.
 const FEWEST_SHARED: usize = 50;
 
 /// Finds the response from pictures and their exposure times, in s.
 ///
 /// # Errors
-/// `Usage`, saying what to do: fewer than two pictures, times that are not positive numbers, as many as
-/// pictures and different from each other, neighbouring exposures without enough unclipped places in common,
-/// limits in the wrong order, and pictures that contradict their times.
+/// `Usage`, saying what to do: fewer than two pictures, times that are not positive, not distinct or not as
+/// many as pictures, neighbouring exposures without enough unclipped samples in common, limits in the wrong
+/// order, and pictures that contradict their times.
 pub fn fit_bracket(samples: &BracketSamples, times_s: &[f64], limits: &CodeLimits) -> Result<BracketFit> {
     check_times(samples.pictures(), times_s)?;
     let (black, saturation) = samples.limits(limits)?;
@@ -125,7 +127,7 @@ pub fn fit_bracket(samples: &BracketSamples, times_s: &[f64], limits: &CodeLimit
 /// picture's (1).
 ///
 /// # Errors
-/// `Usage`: fewer than two pictures, the identity as response, and pictures without enough unclipped places
+/// `Usage`: fewer than two pictures, the identity as response, and pictures without enough unclipped samples
 /// in common.
 pub fn recover_exposures(samples: &BracketSamples, response: &Response) -> Result<Vec<f64>> {
     check_count(samples.pictures())?;
@@ -153,7 +155,7 @@ pub fn recover_exposures(samples: &BracketSamples, response: &Response) -> Resul
     Ok(times.iter().map(|time| time / first).collect())
 }
 
-/// Radiance of a code between two of the table's.
+/// Radiance of a fractional code, interpolated in the table.
 fn radiance(response: &Response, code: f64) -> f64 {
     let table = response.table();
     let below = (code as usize).min(table.len() - 2);
@@ -192,7 +194,7 @@ fn check_times(pictures: usize, times_s: &[f64]) -> Result<()> {
     Ok(())
 }
 
-/// Neighbours in exposure must share places that neither clips.
+/// Checks that neighbouring exposures share samples that neither clips.
 fn check_overlap(samples: &BracketSamples, order: &[usize], black: u16, saturation: u16) -> Result<()> {
     for pair in order.windows(2) {
         let shared = samples.shared(pair[0], pair[1], black, saturation).take(FEWEST_SHARED).count();

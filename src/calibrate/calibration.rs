@@ -13,8 +13,8 @@
 //! }
 //! ```
 //!
-//! Pixel coordinates have half-pixel centres; OpenCV and Kalibr put whole numbers at centres, so 0.5 px is
-//! added to their cx and cy on loading.
+//! Pixel coordinates have half-pixel centres; OpenCV and Kalibr have integer coordinates at the centres, so
+//! 0.5 px is added to their cx and cy on loading.
 
 use super::{document, kalibr_file, opencv_file};
 use crate::error::{Error, Place, Result};
@@ -28,13 +28,13 @@ use std::path::Path;
 pub struct Calibration {
     /// Geometry.
     pub lens: Lens,
-    /// Codes to radiance; the identity where the file has none.
+    /// Maps codes to radiance; the identity where the file has none.
     pub response: Response,
-    /// What the loader assumed because the file does not say it, for the program to print.
+    /// What the loader assumed because the file does not specify it, for the program to print.
     pub notes: Vec<String>,
 }
 
-/// A calibration is a page of numbers; Kalibr's with covariances is ten.
+/// A calibration is about a page of numbers; Kalibr's with covariances about ten.
 const SIZE_MAX_BYTES: u64 = 1 << 20;
 
 const VERSION: u32 = 1;
@@ -74,8 +74,8 @@ impl Calibration {
     /// takes its first.
     ///
     /// # Errors
-    /// `Usage`, naming the file and the key or line: files that cannot be read, are over 1 MiB or of no known
-    /// kind, unknown keys in ours, missing ones, and numbers that no camera has.
+    /// `Usage`, naming the file and the key or line: files that cannot be read, are over 1 MiB or of unknown
+    /// kind, unknown keys in our own format, missing keys, and numbers that no camera has.
     pub fn load(path: &Path, camera: Option<&str>) -> Result<Self> {
         let place = format!("calibration {}", path.display());
         read(path).and_then(|text| Self::parse(&text, camera)).map_err(|error| error.at(place))
@@ -138,7 +138,7 @@ impl Calibration {
         match field_of_view_deg {
             Some(degrees) => parameters.field_of_view_rad = degrees.to_radians(),
             None => {
-                // The other numbers first: the default is made from them.
+                // The other numbers are checked first, because the default is computed from them.
                 Lens::new(LensParameters { field_of_view_rad: 1e-9, ..parameters })?;
                 let (field_of_view_rad, reach) = parameters.default_field_of_view();
                 parameters.field_of_view_rad = field_of_view_rad;
@@ -172,14 +172,14 @@ impl Calibration {
             },
             response: self.response.model().clone(),
         };
-        // Numbers, words and lists of them always have a JSON form.
+        // Numbers, strings and lists of them can always be written as JSON.
         let mut text = serde_json::to_string_pretty(&file).expect("plain data serialises");
         text.push('\n');
         text
     }
 
-    /// The lens as YAML that `cv::FileStorage` reads, for `cv::fisheye`; 0.5 px are taken off cx and cy. The
-    /// response and the field of view, for which OpenCV has no names, are left out.
+    /// The lens as YAML that `cv::FileStorage` reads, for `cv::fisheye`; 0.5 px are subtracted from cx and
+    /// cy. The response and the field of view, for which OpenCV has no names, are left out.
     pub fn to_opencv_yaml(&self) -> String {
         opencv_file::yaml(self.lens.parameters())
     }
@@ -189,7 +189,7 @@ impl Calibration {
         opencv_file::json(self.lens.parameters())
     }
 
-    /// The lens as a Kalibr `camchain.yaml` of one camera, `cam0`; 0.5 px are taken off cx and cy. The
+    /// The lens as a Kalibr `camchain.yaml` of one camera, `cam0`; 0.5 px are subtracted from cx and cy. The
     /// response and the field of view, for which Kalibr has no keys, are left out.
     pub fn to_kalibr_yaml(&self) -> String {
         kalibr_file::chain(self.lens.parameters())

@@ -13,8 +13,8 @@
 //! }
 //! ```
 //!
-//! `pixel_centres` says where the centre of the first pixel lies: `integer` at (0, 0), as OpenCV and Kalibr
-//! count, `half` at (0.5, 0.5), as this program does. The corners of a board of `columns` x `rows` are
+//! `pixel_centres` says where the centre of the first pixel lies: `integer` at (0, 0), as in OpenCV and
+//! Kalibr, `half` at (0.5, 0.5), as in this program. The corners of a board of `columns` x `rows` are
 //! numbered row by row from 0, the column fastest, `pitch_m` metres apart; other flat boards list theirs:
 //! `{"points_m": [[0, 0], [0.088, 0]]}`. A view without `ids` shows all corners in their order.
 //!
@@ -47,14 +47,14 @@ pub struct CornerSet {
     pub width: usize,
     /// Rows of the pictures.
     pub height: usize,
-    /// What each shows.
+    /// The corners in each picture.
     pub views: Vec<BoardView>,
 }
 
-/// A thousand views of a thousand corners take half of this.
+/// A thousand views of a thousand corners each take half of this.
 const SIZE_MAX_BYTES: u64 = 1 << 26;
 
-/// Corners of a board at most: a thousand squares a side.
+/// Most corners of a board: a thousand squares a side.
 const BOARD_MAX: usize = 1_000_000;
 
 const VERSION: u32 = 1;
@@ -103,7 +103,7 @@ impl CornerSet {
     ///
     /// # Errors
     /// `Usage`, naming the file and the line, key, view or corner: files that cannot be read or are over 64
-    /// MiB, unknown and missing keys, boards without a size, ids that the board does not have or that come
+    /// MiB, unknown and missing keys, boards without a size, ids that the board does not have or that occur
     /// twice, counts that differ, and corners outside the picture.
     pub fn load(path: &Path) -> Result<Self> {
         read(path).and_then(|text| Self::parse(&text)).map_err(|error| error.at(path))
@@ -142,7 +142,7 @@ impl CornerSet {
         Ok(Self { width, height, views: views.collect::<Result<_>>()? })
     }
 
-    /// The set as such a file, the board as a list of points and pixels with half-pixel centres.
+    /// The set as such a file, with the board as a list of points, and half-pixel centres.
     pub fn to_json(&self) -> String {
         let mut points_m: Vec<[f64; 2]> =
             self.views.iter().flat_map(|view| &view.corners).map(|corner| corner.board_m.into()).collect();
@@ -166,7 +166,7 @@ impl CornerSet {
             views: views.collect(),
             board: BoardEntry { points_m: Some(points_m), ..BoardEntry::default() },
         };
-        // Numbers, words and lists of them always have a JSON form.
+        // Numbers, strings and lists of them can always be written as JSON.
         let mut text = serde_json::to_string(&file).expect("plain data serialises");
         text.push('\n');
         text
@@ -237,7 +237,7 @@ fn view(entry: ViewEntry, board: &[DVec2], shift_px: f64, size: [usize; 2]) -> R
         }
         let pixel = DVec2::from(pixel) + shift_px;
         let [width, height] = size.map(|side| side as f64);
-        // A detector that fits edges may land a little outside.
+        // A detector that fits edges may place a corner slightly outside the picture.
         if !(pixel.cmpge(DVec2::splat(-1.0)).all() && pixel.cmple(DVec2::new(width, height) + 1.0).all()) {
             return Err(Error::usage(format!(
                 "corner {id} at {:?}: outside the picture of {width} x {height}; are image_size and the pictures the same?",
@@ -328,7 +328,7 @@ mod tests {
             assert_eq!(error.kind(), Kind::Usage);
             assert!(error.to_string().contains(part), "{part}: {error}");
         }
-        // An empty board has no corner to number.
+        // An empty board has no corners to number.
         let empty = r#"{"version": 1, "image_size": [4, 4], "pixel_centres": "half", "board": {"points_m": []},
  "views": [{"name": "a", "ids": [0], "corners_px": [[1, 1]]}]}"#;
         assert!(CornerSet::parse(empty).unwrap_err().to_string().contains("id 0"));

@@ -5,7 +5,7 @@
 use crate::error::{Error, Result};
 use serde_json::{Map, Value};
 
-/// Elements inside elements: OpenCV writes three levels.
+/// Deepest nesting of elements: OpenCV writes three levels.
 const XML_DEPTH_MAX: usize = 16;
 
 /// Reads a document of any of the three notations.
@@ -24,7 +24,7 @@ pub(super) fn parse(text: &str) -> Result<Value> {
 }
 
 /// OpenCV begins its files with `%YAML:1.0`, which is not YAML (the directive has a space and needs `---`
-/// after it). The line is blanked, so that positions in messages stay right.
+/// after it). The line is replaced by blanks, so that positions in messages stay correct.
 fn yaml_body(text: &str) -> String {
     match text.split_once('\n') {
         Some((first, rest)) if first.starts_with("%YAML") => format!("\n{rest}"),
@@ -78,8 +78,8 @@ fn collect(value: &Value, key: &str, found: &mut Vec<f64>) -> Result<()> {
     }
 }
 
-/// A number that every reader takes for one: all digits, a point, and no exponent (to YAML 1.1, which Kalibr
-/// reads, `1e-7` is a word).
+/// A number in a form that every reader recognises: all digits, a point, and no exponent (in YAML 1.1, which
+/// Kalibr reads, `1e-7` is a string).
 pub(super) fn decimal(value: f64) -> String {
     let text = value.to_string();
     if text.contains('.') { text } else { text + ".0" }

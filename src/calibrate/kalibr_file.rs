@@ -1,5 +1,5 @@
-//! Kalibr's `camchain.yaml`: one entry per camera (`cam0`, `cam1`, ...), of which the `equidistant` ones are
-//! ours.
+//! Kalibr's `camchain.yaml`: one entry per camera (`cam0`, `cam1`, ...), of which only `equidistant` ones are
+//! supported.
 
 use super::document::{decimal, numbers, size};
 use crate::error::{Error, Result};
@@ -20,8 +20,8 @@ fn cameras(document: &Value) -> impl Iterator<Item = (&str, &Value)> {
         .map(|(name, camera)| (name.as_str(), camera))
 }
 
-/// The lens of one camera, by default the first by name, in our half-pixel centres; the field of view is not
-/// in the file and left 0.
+/// The lens of one camera, by default the first by name, with our half-pixel centres; the field of view is
+/// not in the file and left 0.
 ///
 /// # Errors
 /// `Usage`, naming the key.
@@ -54,8 +54,8 @@ pub(super) fn lens(document: &Value, camera: Option<&str>) -> Result<LensParamet
     Ok(LensParameters { width, height, fx, fy, cx: cx + 0.5, cy: cy + 0.5, k, field_of_view_rad: 0.0 })
 }
 
-/// The lens as a chain of one camera, centres back at whole numbers. The field of view has no key and is left
-/// out; the topic, which Kalibr requires, is a placeholder.
+/// The lens as a chain of one camera, with pixel centres at integers again. The field of view has no key and
+/// is left out; the topic, which Kalibr requires, is a placeholder.
 pub(super) fn chain(lens: &LensParameters) -> String {
     let list = |values: &[f64]| values.iter().map(|&value| decimal(value)).collect::<Vec<_>>().join(", ");
     let LensParameters { width, height, fx, fy, cx, cy, k, .. } = *lens;

@@ -2,10 +2,10 @@
 //! pictures.
 //!
 //! Solvers that start from a pinhole diverge on fisheye pictures. Here the start is the equidistant lens that
-//! maps the declared field of view onto the declared circle; poses come from rays and not from picture
-//! points, so that corners beyond 90 degrees off the axis are no exception (`pose`). All parameters are then
-//! adjusted together to the smallest squares of pixel residuals (`adjust`), at first with Huber's loss, so
-//! that a bad view does not bend the lens before it is found and dropped (`search`).
+//! maps the declared field of view onto the declared circle; poses are found from rays and not from picture
+//! points, so that corners more than 90 degrees off the axis need no special treatment (`pose`). All
+//! parameters are then adjusted together by least squares of the pixel residuals (`adjust`), at first with
+//! Huber's loss, so that a bad view does not distort the lens before it is found and dropped (`search`).
 
 mod adjust;
 mod kannala_brandt;
@@ -24,9 +24,9 @@ pub use outcome::{CornerResidual, LensDeviations, LensFit, ViewFit};
 /// A corner of a flat board and where a picture shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// On the board, in metres.
+    /// Position on the board, in metres.
     pub board_m: DVec2,
-    /// In the picture, in pixels with half-pixel centres (OpenCV's coordinates + 0.5).
+    /// Position in the picture, in pixels with half-pixel centres (OpenCV's coordinates + 0.5).
     pub pixel: DVec2,
 }
 
@@ -39,14 +39,15 @@ pub struct BoardView {
     pub corners: Vec<Corner>,
 }
 
-/// What is known of a lens before any view: the lens is equidistant, and its circle has the field of view.
+/// Assumptions about a lens before any view: it is equidistant, and its image circle has the given field of
+/// view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensStart {
     /// Columns of the pictures.
     pub width: usize,
     /// Rows of the pictures.
     pub height: usize,
-    /// Full opening angle that the circle holds, in (0, 2 pi]; the fitted lens declares it too.
+    /// Full field of view of the circle, in (0, 2 pi]; the fitted lens declares it too.
     pub field_of_view_rad: f64,
     /// Diameter of the circle in pixels; it may be larger than the picture.
     pub circle_diameter_px: f64,
@@ -55,10 +56,10 @@ pub struct LensStart {
 }
 
 impl LensStart {
-    /// The equidistant lens: f is half the diameter over half the field of view.
+    /// The equidistant lens: f is half the diameter divided by half the field of view.
     ///
     /// # Errors
-    /// `Usage`, naming the number that no lens has.
+    /// `Usage`, naming the impossible number.
     pub fn lens(&self) -> Result<Lens> {
         let &Self { width, height, field_of_view_rad, circle_diameter_px, circle_centre_px } = self;
         if !(circle_diameter_px > 0.0 && circle_diameter_px.is_finite()) {
@@ -89,10 +90,10 @@ impl LensStart {
 /// How views are judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensFitOptions {
-    /// A view whose RMS residual is over this many times the median of all views', or one of whose corners is
-    /// off by over five times as many times the median corner, is dropped: the worst first, after each of
-    /// which the lens is fitted again. Infinity keeps all. Views of good sets stay below 1.8 times, their
-    /// corners below 8.
+    /// A view is dropped if its RMS residual exceeds the median of all views by more than this factor, or if
+    /// the residual of one of its corners exceeds the median of all corners by more than five times this
+    /// factor. The worst view is dropped first, and the lens is fitted again after each. Infinity keeps all.
+    /// In good sets, views stay below a factor of 1.8 and corners below 8.
     pub drop_factor: f64,
 }
 
@@ -102,18 +103,18 @@ impl Default for LensFitOptions {
     }
 }
 
-/// Fewest views: two flat views in theory, but then noise decides.
+/// Fewest views: two flat views suffice in theory, but then noise dominates.
 pub(crate) const VIEWS_MIN: usize = 3;
 
-/// Fewest corners of a view: four determine its pose and say nothing about the lens.
+/// Fewest corners of a view: four determine its pose but contribute nothing to the lens.
 const CORNERS_MIN: usize = 6;
 
 /// Fits lens and poses to the corners and drops views that do not fit, each with its reason.
 ///
 /// # Errors
 /// `Usage` for a start that is no lens, and for numbers that are not finite, naming view and corner.
-/// `Failed`, saying what to do: fewer than three views that can be used, or fewer than half of them that
-/// agree; views that do not determine the lens; coefficients with which r(theta) turns between the corners.
+/// `Failed`, saying what to do: fewer than three usable views, or fewer than half of them that agree; views
+/// that do not determine the lens; coefficients with which r(theta) stops increasing between the corners.
 pub fn fit_lens(views: &[BoardView], start: &LensStart, options: &LensFitOptions) -> Result<LensFit> {
     let start_lens = start.lens()?;
     check_numbers(views)?;
@@ -159,7 +160,7 @@ fn unusable(view: &BoardView) -> Option<String> {
     None
 }
 
-/// Whether points are spread across their main direction by less than a thousandth of what they are along it.
+/// Whether the spread of the points across their main direction is less than a thousandth of that along it.
 fn is_line(points: impl Iterator<Item = DVec2> + Clone) -> bool {
     let count = points.clone().count().max(1) as f64;
     let middle = points.clone().sum::<DVec2>() / count;

@@ -1,8 +1,8 @@
-//! What is done once for a camera, from files: the fits of its lens, its response and how it stands, and the
-//! files that hold what was found.
+//! Calibration of a camera, done once from files: the fits of its lens, its response and its orientation, and
+//! the files that hold the results.
 //!
-//! Pixel coordinates have half-pixel centres; files of programs that put whole numbers at the centres are
-//! converted where they are read.
+//! Pixel coordinates have half-pixel centres; files of programs with integer coordinates at the centres are
+//! converted when they are read.
 
 #[cfg(feature = "april-grid")]
 mod april_grid;

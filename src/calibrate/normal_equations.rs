@@ -11,7 +11,7 @@ pub(super) struct NormalEquations {
     right: Vec<f64>,
 }
 
-/// A pivot of the scaled matrix (its diagonal is 1) below this means that the equations do not tell an
+/// A pivot of the scaled matrix (its diagonal is 1) below this means that the equations do not determine an
 /// unknown.
 const SMALLEST_PIVOT: f64 = 1e-13;
 
@@ -20,8 +20,8 @@ impl NormalEquations {
         Self { unknowns, matrix: vec![0.0; unknowns * unknowns], right: vec![0.0; unknowns] }
     }
 
-    /// Adds an equation. A negative weight takes one away: so an unknown that only some equations share is
-    /// eliminated, by taking away their weighted mean.
+    /// Adds an equation. A negative weight subtracts one: an unknown that only some equations share is
+    /// eliminated by subtracting their weighted mean.
     pub(super) fn add(&mut self, row: &[f64], value: f64, weight: f64) {
         for (at, &left) in row.iter().enumerate() {
             if left == 0.0 {
@@ -34,7 +34,7 @@ impl NormalEquations {
         }
     }
 
-    /// The unknowns by Cholesky's factors of the matrix scaled to a diagonal of ones; `None` where the
+    /// The unknowns, by Cholesky factorisation of the matrix scaled to a unit diagonal; `None` where the
     /// equations do not determine them.
     pub(super) fn solve(&self) -> Option<Vec<f64>> {
         let n = self.unknowns;
@@ -72,7 +72,7 @@ mod tests {
         for (found, expected) in equations.solve().unwrap().iter().zip(cubic) {
             assert!((found - expected).abs() < 1e-10, "{found} {expected}");
         }
-        // Pairs with an unknown offset each tell the slope alone.
+        // Pairs that each have an unknown offset determine only the slope.
         let mut slope = NormalEquations::new(1);
         for (offset, x) in [(100.0, [1.0, 2.0]), (-7.0, [5.0, 9.0])] {
             x.iter().for_each(|&x| slope.add(&[x], 3.0 * x + offset, 1.0));

@@ -1,6 +1,6 @@
 //! Files that `cv::FileStorage` writes for `cv::fisheye`: K (3 x 3), D (4 values) and the image size. OpenCV
-//! fixes no names; those of its samples and of common tools are known, in any case and with or without
-//! underscores.
+//! does not fix the names; those of its samples and of common tools are recognised, in upper or lower case
+//! and with or without underscores.
 
 use super::document::{decimal, numbers, size};
 use crate::error::{Error, Result};
@@ -13,12 +13,12 @@ const SIZE: &[&str] = &["imagesize", "size", "resolution", "dim"];
 const WIDTH: &[&str] = &["imagewidth", "width"];
 const HEIGHT: &[&str] = &["imageheight", "height"];
 
-/// Whether the document has what OpenCV's files have.
+/// Whether the document has the keys of OpenCV's files.
 pub(super) fn recognises(document: &Value) -> bool {
     find(document, MATRIX).is_some() && find(document, COEFFICIENTS).is_some()
 }
 
-/// The lens, in our half-pixel centres; the field of view is not in the file and left 0.
+/// The lens, with our half-pixel centres; the field of view is not in the file and left 0.
 ///
 /// # Errors
 /// `Usage`, naming the key.
@@ -59,8 +59,8 @@ pub(super) fn lens(document: &Value) -> Result<LensParameters> {
     Ok(LensParameters { width, height, fx, fy, cx: cx + 0.5, cy: cy + 0.5, k, field_of_view_rad: 0.0 })
 }
 
-/// The lens as `cv::FileStorage` writes it in YAML, under the names of OpenCV's calibration sample, centres
-/// back at whole numbers. There is no name for the field of view, so that it is left out.
+/// The lens as `cv::FileStorage` writes it in YAML, under the names of OpenCV's calibration sample, with
+/// pixel centres at integers again. There is no name for the field of view, so it is left out.
 pub(super) fn yaml(lens: &LensParameters) -> String {
     let [matrix, coefficients] = matrices(lens);
     format!(
@@ -99,7 +99,7 @@ fn matrices(lens: &LensParameters) -> [String; 2] {
 
 fn find<'a>(document: &'a Value, names: &[&str]) -> Option<(&'a str, &'a Value)> {
     let plain = |key: &str| key.replace('_', "").to_lowercase();
-    // In the order of the names: a file may hold several of them.
+    // The order of the names decides, since a file may hold several of them.
     names.iter().find_map(|name| {
         document.as_object()?.iter().find(|(key, _)| plain(key) == **name).map(|(key, value)| (&**key, value))
     })

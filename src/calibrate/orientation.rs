@@ -1,9 +1,9 @@
-//! How a camera stands in the world, from marks: pixels whose world directions are known (stars, the Moon,
-//! lamps that were surveyed).
+//! The orientation of a camera in the world, from marks: pixels whose world directions are known (stars, the
+//! Moon, surveyed lamps).
 //!
-//! From two marks on, the rotation is the one with the least sum of squared distances between the turned rays
-//! and the directions (Wahba 1965), found as the eigenvector of Davenport's symmetric 4 x 4 matrix (the
-//! q-method; Markley and Mortari 2000, equations 9 to 13).
+//! With two or more marks, the rotation is the one that minimises the sum of squared distances between the
+//! rotated rays and the directions (Wahba 1965), found as the eigenvector of Davenport's symmetric 4 x 4
+//! matrix (the q-method; Markley and Mortari 2000, equations 9 to 13).
 
 use crate::error::{Error, Result};
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -20,31 +20,31 @@ pub struct Mark {
     pub direction_world: DVec3,
 }
 
-/// How a camera stands, and how well the marks agree.
+/// The orientation of a camera, and how well the marks agree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Orientation {
     /// Rotation from camera to world axes.
     pub world_from_camera: DMat3,
-    /// Angle between the turned ray and the direction of every mark, in the marks' order.
+    /// Angle between the rotated ray and the direction of every mark, in the marks' order.
     pub residuals_rad: Vec<f64>,
 }
 
-/// Marks nearer together than this leave the turn about them open: a tenth of a pixel at ten pixels per
-/// degree would become half a degree.
+/// Marks closer together than this leave the rotation about them undetermined: an error of a tenth of a pixel
+/// at ten pixels per degree would become half a degree.
 const LEAST_SEPARATION_RAD: f64 = std::f64::consts::PI / 180.0;
 
 /// The rotation that takes the rays of `marks` to their directions.
 ///
-/// One mark leaves a turn about it open. `prior` then says how the camera is believed to stand; its tilt is
-/// trusted, its azimuth is not: the camera is first turned about the vertical (+Y) until the ray has the
-/// azimuth of the direction, then tilted by the least angle that takes it there. A camera set up with a level
-/// needs no more. A ray or direction that stands upright has no azimuth; the camera is then only tilted. With
+/// One mark leaves the rotation about it undetermined. `prior` then gives the assumed orientation; its tilt
+/// is trusted, its azimuth is not: the camera is first rotated about the vertical (+Y) until the ray has the
+/// azimuth of the direction, then tilted by the smallest angle that makes them coincide. This suffices for a
+/// camera that was levelled. A vertical ray or direction has no azimuth; the camera is then only tilted. With
 /// more marks `prior` is not used.
 ///
 /// # Errors
-/// `Usage`, naming the mark: none at all, a pixel outside the lens's field of view, a direction of no length
-/// or not finite, and several marks that all lie within a degree of one line through the camera, in the
-/// picture or in the world.
+/// `Usage`, naming the mark: none at all, a pixel outside the lens's field of view, a direction of zero
+/// length or not finite, and several marks that all lie within a degree of one line through the camera, in
+/// the picture or in the world.
 pub fn fit_orientation(lens: &Lens, marks: &[Mark], prior: DMat3) -> Result<Orientation> {
     let mut rays = Vec::with_capacity(marks.len());
     let mut directions = Vec::with_capacity(marks.len());
@@ -90,14 +90,14 @@ fn turn_then_tilt(prior: DMat3, ray_camera: DVec3, direction: DVec3) -> DMat3 {
     } else {
         0.0
     };
-    // Azimuth grows from +X to +Z, against the right-handed sense about +Y.
+    // Azimuth increases from +X to +Z, opposite to the right-handed sense about +Y.
     let turned = DQuat::from_rotation_y(-turn_rad) * DQuat::from_mat3(&prior);
     let tilted = DQuat::from_rotation_arc((turned * ray_camera).normalize_or(DVec3::Y), direction) * turned;
     DMat3::from_quat(tilted.normalize())
 }
 
-/// Davenport's matrix of pairs of unit vectors, and the rotation of its eigenvector of the largest
-/// eigenvalue.
+/// The rotation given by the eigenvector of the largest eigenvalue of Davenport's matrix of pairs of unit
+/// vectors.
 fn wahba(rays: &[DVec3], directions: &[DVec3]) -> DMat3 {
     // Attitude profile matrix B, the sum of direction times ray transposed; b[column][row].
     let mut b = [[0.0; 3]; 3];
@@ -185,8 +185,8 @@ mod tests {
 
     #[test]
     fn two_marks_that_disagree_share_the_residual() {
-        // Rays an angle a apart, directions a + 2 d apart in the same plane: the best rotation leaves d at
-        // each.
+        // The rays are an angle a apart, the directions a + 2 d in the same plane: the best rotation leaves a
+        // residual of d at each.
         let mut two = marks(&[(98.0, 128.0), (158.0, 128.0)], DMat3::IDENTITY);
         let d = 0.01;
         two[0].direction_world = turn(DVec3::NEG_Y, d) * two[0].direction_world;

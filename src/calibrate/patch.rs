@@ -1,4 +1,4 @@
-//! Grey patches: what a camera says of a part of its picture whose luminance is known.
+//! Grey patches: the codes of a part of a camera's picture whose luminance is known.
 
 use crate::error::{Error, Result};
 use lightcast_core::image::{Frame, Pixels};
@@ -21,7 +21,7 @@ pub struct Rectangle {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PatchCodes {
     counts: BTreeMap<u16, u64>,
-    /// Sum and number by channel.
+    /// Sum and number of codes by channel.
     channels: [(f64, u64); 3],
 }
 
@@ -30,9 +30,9 @@ pub struct PatchCodes {
 pub struct Patch {
     /// Its luminance, finite and > 0.
     pub luminance_cd_m2: f64,
-    /// What the camera says.
+    /// The camera's codes.
     pub codes: PatchCodes,
-    /// Whether the fit must do without it, so that it shows how well the fit predicts.
+    /// Whether it is excluded from the fit, so that it shows how well the fit predicts.
     pub is_held_out: bool,
 }
 
@@ -75,7 +75,7 @@ impl PatchCodes {
         self.moment(|code| code)
     }
 
-    /// Standard deviation of the codes: noise, and how uneven the patch is.
+    /// Standard deviation of the codes, due to noise and non-uniformity of the patch.
     pub fn spread(&self) -> f64 {
         let mean = self.mean();
         self.moment(|code| (code - mean) * (code - mean)).sqrt()
@@ -95,7 +95,7 @@ impl PatchCodes {
         self.counts.last_key_value().map_or(0, |(&code, _)| code)
     }
 
-    /// Number of samples, and those of them from `code` on and up to `code`.
+    /// Number of samples.
     pub(super) fn samples(&self) -> u64 {
         self.counts.values().sum()
     }

@@ -1,19 +1,19 @@
-//! The response from grey patches of known luminance: METHODS section 2, and Havran et al. 2005, who took six
-//! patches and held two of them out.
+//! The response from grey patches of known luminance: METHODS section 2, and Havran et al. 2005, who used six
+//! patches and held out two of them.
 //!
-//! **Clipped patches** are found first and take no part. Where the clip codes are not given: a patch with 1 %
-//! of its samples at the largest code of a whole number of bits that holds all codes seen (255, 1023, 4095,
-//! ...) is saturated, and so are the brightest patches when two or more of them, a quarter or more apart in
-//! luminance, have the same code but for the noise; the saturation code then lies three standard deviations
-//! below it. The dark end goes likewise.
+//! ****Clipped patches** are found first and excluded. Where the clip codes are not given, a patch is
+//! saturated if 1 % of its samples have the largest code of the smallest bit depth that holds all observed
+//! codes (255, 1023, 4095, ...). The brightest patches are saturated as well if two or more of them, a
+//! quarter or more apart in luminance, have the same code up to noise; the saturation code is then three
+//! standard deviations below it. The dark end is treated in the same way.
 //!
 //! **Fit.** Least squares in codes. The variance of a patch is that of one code, plus that of its pixels
-//! (noise, uneven paint), plus that of a luminance known to 2 %, at the slope of the model; so the slope and
-//! the weights are found in turn.
+//! (noise, uneven paint), plus that of a luminance known to 2 %, at the slope of the model; the slope and the
+//! weights are therefore found iteratively.
 //!
-//! **Which model**, where the user names none: the one that predicts each patch best from the others (leave
-//! one out, RMS in stops). A piecewise linear one must be twice as good as the best of the other two, since
-//! it can follow anything, and have five patches.
+//! ****Choice of model**, where the user names none: the one that predicts each patch best from the others
+//! (leave-one-out, RMS in stops). A piecewise linear model must be twice as good as the better of the other
+//! two, since it can fit anything, and needs five patches.
 
 mod models;
 #[cfg(test)]
@@ -31,11 +31,11 @@ pub enum Family {
     Logarithmic,
     /// `code = black + L / gain`.
     Linear,
-    /// Straight lines between knees: those given, or one at every patch.
+    /// Straight lines between knees: the given ones, or one at every patch.
     PiecewiseLinear,
 }
 
-/// What is known beforehand.
+/// Options of the fit, and what is known beforehand.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PatchFitOptions {
     /// The model; `None` takes the one that predicts best.
@@ -43,18 +43,18 @@ pub struct PatchFitOptions {
     /// Codes of the knees of a piecewise linear response between black and saturation, strictly increasing.
     /// There must be a patch between any two.
     pub knee_codes: Vec<u16>,
-    /// Code without light, and up to which pixels are clipped at black.
+    /// Code without light; pixels up to this code are clipped at black.
     pub black_code: Option<u16>,
     /// Code from which pixels are saturated.
     pub saturation_code: Option<u16>,
 }
 
-/// What became of a patch.
+/// How a patch was used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PatchUse {
     /// The response was fitted to it.
     Fitted,
-    /// Held out, as was asked.
+    /// Held out on request.
     HeldOut,
     /// Too bright for the sensor.
     Saturated,
@@ -62,10 +62,10 @@ pub enum PatchUse {
     BlackClipped,
 }
 
-/// A patch beside the fit.
+/// A patch compared with the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatchResult {
-    /// What became of it.
+    /// How it was used.
     pub usage: PatchUse,
     /// Its luminance as given.
     pub luminance_cd_m2: f64,
@@ -73,10 +73,10 @@ pub struct PatchResult {
     pub code: f64,
     /// Standard deviation of its codes.
     pub spread: f64,
-    /// Luminance that the response gives for the mean code; `None` for clipped patches.
+    /// Luminance of the mean code by the response; `None` for clipped patches.
     pub fitted_cd_m2: Option<f64>,
-    /// The same from a response fitted without this patch; `None` for clipped patches, and where too few are
-    /// left.
+    /// The same from a response fitted without this patch; `None` for clipped patches, and where too few
+    /// patches are left.
     pub left_out_cd_m2: Option<f64>,
 }
 
@@ -90,22 +90,22 @@ pub struct PatchFit {
     /// RMS in stops of each patch's luminance as predicted from the others, for every model that was tried;
     /// infinite where the model cannot be fitted.
     pub tried: Vec<(Family, f64)>,
-    /// The patches in the order given.
+    /// The patches, in the given order.
     pub patches: Vec<PatchResult>,
 }
 
 /// Fewest patches that are neither clipped nor held out.
 const FEWEST_PATCHES: usize = 3;
-/// Fewest of them for a piecewise linear model that nobody asked for.
+/// Fewest of them for a piecewise linear model that the user did not request.
 const FEWEST_FOR_PIECES: usize = 5;
-/// How much better a piecewise linear model must predict.
+/// Factor by which a piecewise linear model must predict better.
 const PIECES_MUST_WIN_BY: f64 = 2.0;
-/// Smallest ratio of the brightest to the darkest patch that tells a slope.
+/// Smallest ratio of the brightest to the darkest patch that determines a slope.
 const SMALLEST_RATIO: f64 = 1.1;
 
 /// Stops by which `found` lies above `luminance`.
 pub(super) fn stops(found: f64, luminance: f64) -> f64 {
-    // A prediction of no light, or less, is off by more than any sensor's range.
+    // A prediction of zero or negative luminance counts as an error larger than any sensor's range.
     if found > 0.0 { (found / luminance).log2() } else { -32.0 }
 }
 
@@ -180,7 +180,7 @@ pub fn fit_patches(patches: &[Patch], options: &PatchFitOptions) -> Result<Patch
     Ok(PatchFit { response: Response::new(model)?, family, tried, patches: results })
 }
 
-/// The model with the smallest error, the piecewise linear one handicapped.
+/// The model with the smallest error, with a handicap for the piecewise linear one.
 fn best(tried: &[(Family, f64)]) -> Family {
     let cost = |&(family, error): &(Family, f64)| {
         error * if family == Family::PiecewiseLinear { PIECES_MUST_WIN_BY } else { 1.0 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 /// List the cameras of this machine: names for a configuration, formats, sizes, rates and controls.
 ///
-/// The first name of a camera stays the same when it is unplugged or the machine starts anew: put it into a
+/// The first name of a camera stays the same when it is unplugged or the machine restarts: put it into a
 /// configuration as `device`. Formats in brackets cannot be captured.
 ///
 /// Example: lightcast devices --json | jq '.[].name'

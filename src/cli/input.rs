@@ -1,4 +1,4 @@
-//! What a command takes light from, told apart by its name, and on standard input by its first bytes.
+//! The inputs of a command, distinguished by their names, and on standard input by the first bytes.
 
 use super::standard_input::StandardInput;
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// The name of standard input.
 const STANDARD_INPUT: &str = "-";
 
-/// Light in any form that a command is given it in.
+/// Light in any form that a command accepts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Input {
     /// A lat-long panorama: a picture file, or `-`.
@@ -53,8 +53,8 @@ pub(super) struct ConfigurationArguments {
 }
 
 impl Input {
-    /// What `path` names. Panoramas come under many names, the others under few; a name with a colon and a
-    /// port is a server's unless there is such a file.
+    /// The input that `path` names. Panoramas have many different names, the others few; a name with a colon
+    /// and a port is a server's, unless there is such a file.
     ///
     /// # Errors
     /// Standard input that cannot be read, or is neither light lists nor a panorama.
@@ -84,7 +84,7 @@ impl Input {
         }
     }
 
-    /// Lists begin with a brace; pictures with a number of their kind.
+    /// Lists begin with a brace, pictures with a magic number.
     fn of_first_bytes(bytes: &[u8]) -> Result<Self> {
         let path = PathBuf::from(STANDARD_INPUT);
         match bytes.trim_ascii_start() {
@@ -101,7 +101,7 @@ impl Input {
         }
     }
 
-    /// What messages call it.
+    /// Its name in messages.
     pub fn name(&self) -> String {
         match self {
             Self::Panorama(path) | Self::Panoramas(path) | Self::Lists(path) | Self::Configuration(path) => {
@@ -111,7 +111,7 @@ impl Input {
         }
     }
 
-    /// That `command` does not take it; `why` says why, and what to do.
+    /// The error that `command` does not take it; `why` gives the reason, and what to do.
     pub fn refused(&self, command: &str, why: &str) -> Error {
         let kind = match self {
             Self::Panorama(_) => "a panorama",
@@ -166,7 +166,8 @@ impl ConfigurationArguments {
         self.config.as_deref().or(self.positional.as_deref()).unwrap_or(Path::new(""))
     }
 
-    /// Refuses what is no configuration by its name; `command` is what it was given to.
+    /// Refuses an input that is not a configuration by its name; `command` is the command that it was given
+    /// to.
     ///
     /// # Errors
     /// Kind `Usage`, with what takes such an input.
@@ -199,7 +200,7 @@ pub(super) fn is_standard_input(path: &Path) -> bool {
     path.as_os_str() == STANDARD_INPUT
 }
 
-/// What messages call a file, or standard input.
+/// The name of a file, or of standard input, in messages.
 pub(super) fn display_name(path: &Path) -> String {
     if is_standard_input(path) { "standard input".to_owned() } else { path.display().to_string() }
 }

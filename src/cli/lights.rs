@@ -64,17 +64,17 @@ pub(super) struct Arguments {
 pub(super) enum SamplerName {
     /// Cells about samples of luminance^0.75, each with its flux, mean direction and spread.
     Refined,
-    /// As refined, with dominant peaks apart: what `run` makes of a first frame.
+    /// As refined, with dominant peaks kept apart: the lights of `run` for a first frame.
     Adaptive,
-    /// As refined: what `run` makes of a first frame with persistent lights.
+    /// As refined: the lights of `run` for a first frame with persistent lights.
     Persistent,
     /// Lights of equal luminous power at the samples (Havran et al. 2005).
     EqualPower,
-    /// Rectangles of even energy (Debevec 2005).
+    /// Rectangles of equal energy (Debevec 2005).
     MedianCut,
-    /// Rectangles of little variance (Viriyothai and Debevec 2009).
+    /// Rectangles of low variance (Viriyothai and Debevec 2009).
     VarianceMinimisation,
-    /// Strata of connected pixels of alike radiance (Agarwal et al. 2003).
+    /// Strata of connected pixels of similar radiance (Agarwal et al. 2003).
     Structured,
     /// Cells about relaxed sites whose number grows (Kollig and Keller 2003).
     KolligKeller,

@@ -30,8 +30,8 @@ pub(super) fn start(format: LogFormat) {
     }
 }
 
-/// A display without a window manager is no fault, but winit warns of it; who wants to hear that names winit
-/// in `RUST_LOG`.
+/// A display without a window manager is not an error, but winit warns about it; to see the warning, name
+/// winit in `RUST_LOG`.
 fn filter() -> EnvFilter {
     let filter = EnvFilter::builder().with_default_directive(LevelFilter::INFO.into()).from_env_lossy();
     let names_winit = std::env::var("RUST_LOG").is_ok_and(|text| text.contains("winit"));
@@ -41,8 +41,8 @@ fn filter() -> EnvFilter {
     }
 }
 
-/// Standard error, with the progress bar taken away while a message is written. A message that nobody can
-/// receive (closed pipe, full disk) is dropped: the subscriber answers errors with a panic.
+/// Standard error, with the progress bar hidden while a message is written. A message that nobody can receive
+/// (closed pipe, full disk) is dropped: the subscriber would answer an error with a panic.
 struct BesideProgress;
 
 impl Write for BesideProgress {

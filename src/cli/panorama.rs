@@ -9,10 +9,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::io::{self, Read as _};
 use std::path::Path;
 
-/// The largest panorama that is read, 16384 x 8192, has this as RGB floats and a header.
+/// The largest panorama that is read, 16384 x 8192, has this size as RGB floats and a header.
 const MOST_BYTES: u64 = 12 * MAX_PIXELS as u64 + (1 << 20);
 
-/// The polar map that a panorama is averaged to, unless `resolution` says otherwise: by degrees.
+/// The polar map that a panorama is averaged to, by default in steps of one degree.
 ///
 /// # Errors
 /// Those of [`PolarShape::new`].

@@ -1,4 +1,4 @@
-//! How far a command is, on standard error: a bar where that is a terminal, elsewhere a plain line now and
+//! Progress of a command on standard error: a bar where that is a terminal, elsewhere a plain line now and
 //! then.
 
 use super::messages::PROGRESS;
@@ -11,11 +11,11 @@ use std::time::Duration;
 /// Time until the first plain line, and least time between two.
 const FIRST_LINE_MS: u64 = 2000;
 
-/// How far something is. Clones show the same.
+/// The progress of some work. Clones show the same.
 #[derive(Clone)]
 pub(super) struct Progress {
     bar: ProgressBar,
-    /// What is counted, such as "lists"; empty where only the share of the whole means something.
+    /// What is counted, such as "lists"; empty where only the percentage is meaningful.
     things: &'static str,
     /// When the next plain line is due, after the start; `None` on a terminal, where the bar is seen.
     line_due_ms: Option<Arc<AtomicU64>>,
@@ -33,7 +33,7 @@ impl Progress {
         progress
     }
 
-    /// Shows which share is done of work that is named by [`set_message`](Self::set_message).
+    /// Shows how much is done, in per cent, of the work that [`set_message`](Self::set_message) names.
     pub fn in_percent(length: u64) -> Self {
         Self::new(ProgressBar::new(length), "{bar:40} {percent}% {msg}, {elapsed}", "")
     }
@@ -68,7 +68,7 @@ impl Progress {
         self.bar.message()
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
@@ -78,7 +78,7 @@ impl Progress {
         let elapsed = self.bar.elapsed();
         let elapsed_ms = u64::try_from(elapsed.as_millis()).unwrap_or(u64::MAX);
         let due = due_ms.load(Ordering::Relaxed);
-        // Of two threads that find a line due one writes it.
+        // If two threads find that a line is due, only one of them writes it.
         let is_ours = || {
             let next = next_line_ms(elapsed_ms);
             due_ms.compare_exchange(due, next, Ordering::Relaxed, Ordering::Relaxed).is_ok()

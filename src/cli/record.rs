@@ -8,7 +8,7 @@ use crate::service::{RECORD_QUEUE, RecordOptions, RecordSamples, Service};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Record what a camera gives, as it comes, without making lights.
+/// Record the frames of a camera as they are captured, without making lights.
 ///
 /// CONFIG names the camera in its section [source]; before there is a calibration, leave [camera] out. Every
 /// frame becomes a file `frame.NNNNNN.exr` with its sequence number: sensor codes without loss, with rate,
@@ -30,16 +30,15 @@ pub(super) struct Arguments {
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
 
-    /// Write radiance as half floats, by the response of the configuration, in place of what the camera
-    /// gives.
+    /// Write radiance as half floats, by the response of the configuration, instead of the camera's codes.
     #[arg(long)]
     half: bool,
 
-    /// End after so many frames.
+    /// End after this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
 
-    /// End after so many seconds.
+    /// End after this many seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<Duration>,
 

@@ -54,7 +54,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     input: InputArguments,
 
-    /// What a server as INPUT is asked for, where `watch` says more than its address.
+    /// The request to a server as INPUT, where `watch` gives more than its address.
     #[arg(skip)]
     subscription: Option<ClientOptions>,
 
@@ -63,7 +63,7 @@ pub(super) struct Arguments {
     #[arg(long, short, value_name = "FILE|FOLDER")]
     output: Option<PathBuf>,
 
-    /// Window: time that a frame may take; fewer lights and shadow maps than given keep to it.
+    /// Window: time that a frame may take; lights and shadow maps are reduced to keep to it.
     #[arg(long, value_name = "MILLISECONDS", conflicts_with = "output", value_parser = milliseconds)]
     budget: Option<f64>,
 
@@ -79,11 +79,11 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "640x480")]
     size: Resolution,
 
-    /// Lights that shine on everything; more join them.
+    /// Lights that shine on everything; further lights join them.
     #[arg(long, value_name = "N", default_value_t = 72)]
     lights: usize,
 
-    /// Lights taken from a panorama for what glossy surfaces mirror (where the scene has any).
+    /// Lights taken from a panorama for reflections in glossy surfaces (where the scene has any).
     #[arg(long, value_name = "N", default_value_t = 1152)]
     glossy_lights: usize,
 
@@ -91,7 +91,7 @@ pub(super) struct Arguments {
     #[arg(long, value_enum, default_value_t = SamplerName::Refined)]
     sampler: SamplerName,
 
-    /// Join lights with similar directions to at most so many.
+    /// Join lights with similar directions into at most this many.
     #[arg(long, value_name = "N")]
     clusters: Option<usize>,
 
@@ -158,7 +158,7 @@ enum BackendName {
     Gl,
 }
 
-/// Samples of a pixel in pictures that nobody watches growing better.
+/// Samples of a pixel in pictures that are not refined on the screen.
 const SAMPLES: u32 = 4;
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
@@ -175,8 +175,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 impl Arguments {
-    /// The arguments of `lightcast render INPUT REST...`, with what a server is asked for; help, and a fault
-    /// with what is wrong, end the program as they do there.
+    /// The arguments of `lightcast render INPUT REST...`, with the request to a server; help and wrong
+    /// arguments end the program as they do there.
     pub fn of_watch(input: &OsStr, rest: &[OsString], subscription: Option<ClientOptions>) -> Self {
         #[derive(clap::Parser)]
         #[command(name = "lightcast watch INPUT --render")]
@@ -246,7 +246,7 @@ fn scene(arguments: &Arguments) -> Result<Scene> {
     Ok(scene)
 }
 
-/// A scene file, with warnings of what it has that is not shown.
+/// A scene file, with warnings about its parts that are not shown.
 pub(super) fn load_scene(path: &Path, on_ground: bool) -> Result<Scene> {
     let mut scene = Scene::load(path)?;
     for note in &scene.notes {
@@ -272,7 +272,7 @@ fn camera(arguments: &Arguments, renderer: &Renderer) -> Result<Camera> {
             ));
         }
         camera.up = Vec3::Y;
-        // Somebody who goes close wants to see it.
+        // The near plane is close, so that the scene stays visible from a short distance.
         camera.near = 1e-3 * forward.length().min(reach);
     }
     Ok(camera)

@@ -21,15 +21,16 @@ use std::path::PathBuf;
 /// For every map and every way to make lights of it, with 4, 8, ... 1024 lights: error of irradiance, shadows
 /// and glossy surfaces against the time that the lights take. For every sequence: error against the filtered
 /// truth, flicker and motion of the lights against the time of a frame. Where there is a GPU, pictures under
-/// every map too. What is on the Pareto front is marked. Without an INPUT three maps and two sequences are
-/// made up. The hard cases follow: what plain f32 makes of them, and how far this program is from f64.
+/// every map too. Results on the Pareto front are marked. Without an INPUT three maps and two sequences that
+/// are built in are used. The hard cases follow: the results of plain f32, and how far this program is from
+/// f64.
 ///
 /// An INPUT is a map or a sequence. A map is a lat-long panorama, OpenEXR or Radiance HDR, or `-` for one on
 /// standard input. A sequence is a folder or pattern (name.####.exr) of numbered panoramas, or a
 /// configuration as `run` takes it. Light lists and servers have no map to measure lights against and are
 /// refused.
 ///
-/// The folder gets index.html, which needs nothing else, report.json and the plots as SVG; it is written anew
+/// The folder gets index.html, which needs nothing else, report.json and the plots as SVG; it is rewritten
 /// after every input. Ctrl-C (SIGINT) or SIGTERM ends the report with what is done; a second signal ends it
 /// at once. Thirteen maps and two sequences take some minutes.
 ///
@@ -66,26 +67,26 @@ pub(super) struct Arguments {
           default_values_t = tables::COUNTS)]
     lights: Vec<usize>,
 
-    /// Frames of a sequence, from its first on, 100 unless it is given.
+    /// Frames of a sequence, from its first on; 100 if this is not given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
 
-    /// Frames per second of sequences of panoramas; goes before what the files say.
+    /// Frames per second of sequences of panoramas; takes precedence over the files.
     #[arg(long, value_name = "HZ", value_parser = frame_rate)]
     frame_rate: Option<f64>,
 
-    /// A panorama that is turned so that its sun walks through phi = 0: one more sequence, of 40 frames. Of
-    /// chinese_garden_1k there are published figures, which stand in a table of their own.
+    /// A panorama that is turned so that its sun walks through phi = 0: one more sequence, of 40 frames. For
+    /// chinese_garden_1k there are published figures, which have a table of their own.
     #[arg(long, value_name = "MAP", requires = "hall")]
     garden: Option<PathBuf>,
 
-    /// A panorama some of whose lamps flicker: one more sequence, of 40 frames. Published figures are of
+    /// A panorama some of whose lamps flicker: one more sequence, of 40 frames. Published figures exist for
     /// dancing_hall_1k.
     #[arg(long, value_name = "MAP", requires = "garden")]
     hall: Option<PathBuf>,
 
-    /// Draw pictures even by a Vulkan driver in software, which takes half a minute or more a map. They are
-    /// of 4, 16, 64 and 256 lights, or those of --lights, at most 512.
+    /// Draw pictures even with a Vulkan driver in software, which takes half a minute or more per map. They
+    /// have 4, 16, 64 and 256 lights, or the numbers of --lights, at most 512.
     #[cfg(feature = "render")]
     #[arg(long, conflicts_with = "stability")]
     pictures: bool,
@@ -121,7 +122,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let shutdown = Shutdown::new();
     let _signals = SignalWatch::start(&shutdown)?;
     let mut report = Report::new(arguments, &shutdown);
-    // Better told now than after minutes of measuring.
+    // Errors are better reported now than after minutes of measuring.
     let Some(mut inputs) = report.open()? else {
         tracing::warn!("interrupted before anything was measured");
         return Ok(());
@@ -133,7 +134,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         })?;
     }
     let outcome = report.measure(&mut inputs);
-    // What a later input spoiled is done all the same.
+    // The report is finished even if a later input has failed.
     report.finish(*outcome.as_ref().unwrap_or(&false)).and(outcome.map(|_| ()))
 }
 
@@ -148,7 +149,7 @@ mod tests {
         arguments: Arguments,
     }
 
-    /// What these words of a command line say.
+    /// The arguments that these words of a command line give.
     pub(super) fn arguments(words: &[&str]) -> Arguments {
         Line::parse_from(std::iter::once("report").chain(words.iter().copied())).arguments
     }

@@ -14,11 +14,11 @@ use std::path::{Path, PathBuf};
 
 /// Print error of pictures against the number of lights, as tables and a plot.
 ///
-/// Every scene is drawn under every MAP, a lat-long panorama of which the upper half counts, with 4, 8, ...
-/// 512 lights of equal power and refined ones, and once with every pixel of the map as a light: the
-/// reference. Tables say how far each picture is from it (RMS of linear radiance relative to the mean, and
-/// mean FLIP, both over the pixels that show a surface) and the median time of a frame; the last one holds
-/// the geometric means.
+/// Every scene is drawn under every MAP, a lat-long panorama whose upper half is used, with 4, 8, ... 512
+/// lights of equal power and refined ones, and once with every pixel of the map as a light: the reference.
+/// Tables say how far each picture is from it (RMS of linear radiance relative to the mean, and mean FLIP,
+/// both over the pixels that show a surface) and the median time of a frame; the last one holds the geometric
+/// means.
 ///
 /// Pictures are small by default, as there may be no GPU: the whole takes minutes in software.
 ///
@@ -115,7 +115,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// A file as tables call it.
+/// The name of a file in tables.
 pub(super) fn name(path: &Path) -> String {
     if is_standard_input(path) {
         return display_name(path);

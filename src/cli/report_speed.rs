@@ -18,7 +18,7 @@ use std::path::PathBuf;
 /// and GPU time of every pass where the adapter measures it, all in ms.
 ///
 /// The lights are those of the upper halves of MAPS, lat-long panoramas: the gain of clusters is measured
-/// with each, the rest with the first. Without a MAP one is made up.
+/// with each, the rest with the first. Without a MAP a made-up one is used.
 ///
 /// Example: lightcast report-speed studio.hdr noon.hdr
 #[derive(Debug, clap::Args)]

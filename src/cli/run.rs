@@ -21,7 +21,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use systemd::Watchdog;
 
-/// How often the progress moves: quick enough to look alive, far slower than frames.
+/// How often the progress is updated: often enough to look alive, far less often than frames come.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Capture or play what a configuration names and write a light list for every frame.
@@ -31,16 +31,16 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 /// and a summary at the end: frames, drops, bad frames and times of every stage, the frames that a camera
 /// lost, and the pixels that were saturated or invalid.
 ///
-/// Ctrl-C (SIGINT) or SIGTERM ends the run after the frames under way, and all lists written are whole; a
-/// second signal ends it at once with exit code 128 + signal. A reader that closes the pipe ends the run too,
-/// unless clients are served.
+/// Ctrl-C (SIGINT) or SIGTERM ends the run after the frames in progress, and all lists written are complete;
+/// a second signal ends it at once with exit code 128 + signal. A reader that closes the pipe ends the run
+/// too, unless clients are served.
 ///
 /// A camera that is unplugged or does not answer is started again until it is back.
 ///
 /// With --listen the lists are also streamed to clients, over WebSockets; http://HOST:PORT/ shows them in a
-/// browser. Then SIGHUP takes the configuration anew: if it is bad the old one stays, else the service starts
-/// again with it, and clients stay connected (those of a server whose section [server] has changed connect
-/// again). Lists then are written only to --output.
+/// browser. Then SIGHUP reloads the configuration: if it is invalid the old one stays, otherwise the service
+/// restarts with it, and clients stay connected (those of a server whose section [server] has changed
+/// reconnect). Lists then are written only to --output.
 ///
 /// Examples:
 ///   lightcast run config/replay.toml | jq .error
@@ -107,7 +107,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     served.and(server.stop())
 }
 
-/// Raises the number of open files, of which every client is one, from the shell's limit to the one that is
+/// Raises the limit on open files, of which every client is one, from the shell's limit to the highest one
 /// allowed.
 fn allow_many_connections() {
     let limit = getrlimit(Resource::Nofile);
@@ -116,7 +116,7 @@ fn allow_many_connections() {
     }
 }
 
-/// Who gets what a service makes: files, a recording and the clients of a server.
+/// The recipients of a service's results: files, a recording and the clients of a server.
 pub(super) fn ends(
     arguments: &Arguments,
     record: Option<PathBuf>,
@@ -151,11 +151,11 @@ pub(super) fn watch(
     outcome
 }
 
-/// Where the lists are written: a file is made by the first service that starts, and gone on with by those
+/// Where the lists are written: a file is created by the first service that starts, and continued by those
 /// after it.
 pub(super) struct OutputFile<'a> {
     path: Option<&'a Path>,
-    /// Lists that clients get are written only where that is asked for.
+    /// Lists that are streamed to clients are written only on request.
     is_streamed: bool,
     file: Rc<RefCell<Option<File>>>,
     /// Whether the last service had to leave a line unfinished.

@@ -1,5 +1,5 @@
 //! Ctrl-C and `kill`: the first asks for an orderly end, the second ends the process at once. A service also
-//! hears SIGHUP.
+//! handles SIGHUP.
 
 use crate::error::{Error, Result};
 use crate::rt::Shutdown;
@@ -12,7 +12,7 @@ use std::thread::{Builder, JoinHandle};
 /// Hands SIGINT and SIGTERM to a [`Shutdown`] until it is dropped.
 ///
 /// The second signal exits with 128 plus its number, as a shell reports a process that a signal ended. A line
-/// that is being written then may be cut.
+/// that is being written may then be cut off.
 pub(super) struct SignalWatch {
     handle: Handle,
     thread: Option<JoinHandle<()>>,
@@ -65,7 +65,7 @@ impl Drop for SignalWatch {
     fn drop(&mut self) {
         self.handle.close();
         if let Some(thread) = self.thread.take() {
-            // It has no way to panic, and at the end of the program nothing is left to do about it.
+            // The thread cannot panic, and at the end of the program nothing could be done about it.
             let _ = thread.join();
         }
     }

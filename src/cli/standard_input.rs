@@ -1,16 +1,16 @@
-//! Standard input that can be left off while nothing comes.
+//! Standard input that can be abandoned while nothing arrives.
 
 use crate::rt::Shutdown;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::io::{self, BufRead, Cursor, Read};
 
-/// How often a request to end is looked for while nothing comes.
+/// How often a shutdown request is checked for while nothing arrives.
 const GLANCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
-/// Standard input, which ends with its last byte or when a shutdown is requested, though its writer is
+/// Standard input, which ends with its last byte or when a shutdown is requested, even if its writer is
 /// silent.
 pub(super) struct StandardInput {
-    /// What was read when its kind was looked for.
+    /// The bytes that were read to find out its kind.
     first: Cursor<Vec<u8>>,
     end: Shutdown,
 }
@@ -19,7 +19,7 @@ impl StandardInput {
     /// Takes all that was read so far.
     pub fn new(end: &Shutdown) -> Self {
         let mut input = io::stdin().lock();
-        // What cannot be read now is told by the first reading.
+        // A read error is reported by the first read.
         let first = input.fill_buf().map(<[u8]>::to_vec).unwrap_or_default();
         input.consume(first.len());
         Self { first: Cursor::new(first), end: end.clone() }

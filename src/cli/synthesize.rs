@@ -6,12 +6,13 @@ use lightcast_core::camera::LOOKING_UP;
 use lightcast_core::image::{Frame, Pixels};
 use std::path::{Path, PathBuf};
 
-/// Make a sequence of frames by calculation, as a script says.
+/// Compute a sequence of frames from a script.
 ///
 /// A script (TOML) names a scene (sky with sun and clouds, room with lamps, or an HDR panorama), what moves
-/// in it, and what takes it: a lat-long picture, or a fisheye lens with a response. Frames of radiance become
-/// OpenEXR files, raw sensor codes 16-bit PNG files. Beside fisheye frames stands calibration.json with lens
-/// and response. The same script gives the same bytes. replay/*.toml are scripts that explain their keys.
+/// in it, and the camera: a lat-long picture, or a fisheye lens with a response. Frames of radiance become
+/// OpenEXR files, raw sensor codes 16-bit PNG files. Fisheye frames are accompanied by calibration.json with
+/// lens and response. The same script gives the same bytes. replay/*.toml are scripts that explain their
+/// keys.
 ///
 /// Panoramas that a script names as data:PATH are looked for in the folder that LIGHTCAST_DATA names.
 ///
@@ -78,7 +79,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Writes one frame; the size of its file.
+/// Writes one frame; returns the size of its file.
 fn write(folder: &Path, script: &Script, index: usize, frame: &Frame) -> Result<u64> {
     let path = folder.join(script.name.file(index));
     match frame.pixels {

@@ -25,17 +25,17 @@ use tally::Tally;
 ///
 /// INPUT is the address of a `run --listen` (ws://HOST:PORT, the address of its page, or HOST:PORT), a file
 /// of light lists (.jsonl, .json), or `-` for lists on standard input. A connection that breaks is made
-/// again, as often as it takes.
+/// again, as often as necessary.
 ///
 /// Without --json, every second and at the end one line on standard error says what came: the last sequence
 /// number, lights, error, lists a second and, of a server, kilobytes a second, the median and largest age,
 /// and the lists that this client was too slow for. The age is the time since the capture, by the clocks
-/// (UTC) of both machines; for a replay as fast as it goes, since the sending.
+/// (UTC) of both machines; for a replay as fast as possible, since it was sent.
 ///
 /// --json writes every list as one line, the very bytes that the server's own `run --output` writes where
 /// lists come as JSON and nothing is joined; `--format binary` needs a tenth of the bytes and rounds.
-/// --record writes these lines to a file. Both let lists wait at the server (--queue) so that none is lost
-/// over a hiccup. A file is read as fast as it goes.
+/// --record writes these lines to a file. Both let lists wait at the server (--queue) so that none is lost in
+/// a short delay. A file is read as fast as possible.
 ///
 /// Examples:
 ///   lightcast watch ws://studio:7300
@@ -49,11 +49,11 @@ pub(super) struct Arguments {
     #[arg(value_name = "INPUT")]
     input: PathBuf,
 
-    /// At most so many lights, which the later ones join.
+    /// At most this many lights, which the later ones join.
     #[arg(long, value_name = "N")]
     lights: Option<u32>,
 
-    /// At most so many lists a second.
+    /// At most this many lists a second.
     #[arg(long, value_name = "HZ")]
     rate_hz: Option<f64>,
 
@@ -81,7 +81,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
 
-    /// End after so many lists.
+    /// End after this many lists.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
 
@@ -126,7 +126,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 impl Arguments {
-    /// Refuses what only a server can be asked for, and with --render what its own options say.
+    /// Refuses options that only a server can fulfil, and with --render those that `render` has itself.
     fn check_without_server(&self) -> Result<()> {
         let refused = |option: &str, why: &str| Err(Error::usage(format!("{option} {why}")));
         for (option, is_given) in [
@@ -179,7 +179,7 @@ fn watch_server(arguments: &Arguments) -> Result<()> {
     outcome
 }
 
-/// Lists that a file or standard input has, as fast as they can be read.
+/// Shows the lists of a file or of standard input, as fast as they can be read.
 fn watch_lists(arguments: &Arguments, path: &Path) -> Result<()> {
     let shutdown = Shutdown::new();
     let _signals = SignalWatch::start(&shutdown)?;
@@ -194,7 +194,7 @@ fn watch_lists(arguments: &Arguments, path: &Path) -> Result<()> {
     let (mut left, mut is_empty) = (arguments.count.unwrap_or(u64::MAX), true);
     while left > 0 {
         match file.read(&mut list) {
-            // A line that is cut by a request to end is no fault.
+            // A line that is cut off by a shutdown request is not an error.
             Ok(false) | Err(_) if shutdown.is_requested() => break,
             Ok(true) => is_empty = false,
             Ok(false) if is_empty => {
@@ -233,7 +233,7 @@ fn client_options(arguments: &Arguments) -> Result<ClientOptions> {
     Ok(options)
 }
 
-/// What is wanted of the lists.
+/// The subscription that these arguments describe.
 fn subscription(arguments: &Arguments, queue: u32) -> Subscription {
     Subscription {
         lights: arguments.lights,

@@ -10,18 +10,18 @@ use lightcast_core::light::{
     self, Extractor, LightList, MapIrradiance, Voronoi, dampened_luminance, equal_power,
 };
 
-/// How a map becomes lights: by the live path, or by a method of others.
+/// The method that turns a map into lights: that of the live path, or a published method of others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampler {
-    /// As `lightcast run` does it.
+    /// The method of `lightcast run`.
     Live(light::Sampler),
-    /// Rectangles of even energy (Debevec 2005).
+    /// Rectangles of equal energy (Debevec 2005).
     MedianCut,
-    /// Rectangles of little variance (Viriyothai and Debevec 2009).
+    /// Rectangles of low variance (Viriyothai and Debevec 2009).
     VarianceMinimisation,
-    /// Strata of connected pixels of alike radiance (Agarwal et al. 2003).
+    /// Strata of connected pixels of similar radiance (Agarwal et al. 2003).
     Structured,
-    /// Cells about relaxed sites whose number grows (Kollig and Keller 2003).
+    /// Cells of relaxed sites whose number grows (Kollig and Keller 2003).
     KolligKeller,
 }
 
@@ -30,9 +30,9 @@ pub enum Sampler {
 pub struct Options {
     /// Number of lights, as [`light::Options::count`].
     pub count: usize,
-    /// How a map becomes lights.
+    /// The method.
     pub sampler: Sampler,
-    /// Which inverse transform places samples, for methods that have any.
+    /// Which inverse transform places samples, for methods that use one.
     pub inversion: Inversion,
 }
 
@@ -40,7 +40,7 @@ pub struct Options {
 #[derive(Clone, Debug)]
 pub struct AnyExtractor(Method);
 
-/// What each method keeps from map to map.
+/// The state that each method keeps from map to map.
 #[derive(Clone, Debug)]
 #[expect(
     clippy::large_enum_variant,
@@ -48,7 +48,7 @@ pub struct AnyExtractor(Method);
 )]
 enum Method {
     Live(Box<Extractor>),
-    /// A method of others, or a live one with samples by another inversion.
+    /// A method of others, or a live one with another inversion.
     Other {
         other: Other,
         count: usize,
@@ -67,11 +67,11 @@ enum Other {
 }
 
 impl AnyExtractor {
-    /// Prepares points and tables for maps of one shape.
+    /// Precomputes points and tables for maps of one shape.
     ///
     /// # Errors
     /// Those of [`Extractor::new`]; `Usage` for another inversion than the bicontinuous one for persistent or
-    /// adaptive lights, which know no other.
+    /// adaptive lights, which support no other.
     pub fn new(shape: PolarShape, options: &Options) -> Result<Self> {
         let Options { count, sampler, inversion } = *options;
         let live = light::Options { count, ..light::Options::default() };

@@ -1,5 +1,5 @@
-//! Methods of others, and other inversions, on real and awkward maps; those of the live path are tested
-//! beside it.
+//! Methods of others, and other inversions, on real maps and difficult maps; the methods of the live path are
+//! tested next to their code.
 
 use super::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::Kind;
@@ -64,14 +64,14 @@ fn hard_maps_give_whole_lists_and_keep_their_power() {
 
 #[test]
 fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
-    // 1 everywhere beside one pixel of 1e8: f32 sums of radiance drop every other pixel from there on.
+    // 1 everywhere except for one pixel of 1e8: from there on f32 sums of radiance lose all other pixels.
     let shape = PolarShape::hemisphere(8192, 2048);
     let (row, column) = (1100, 4);
     let map = PolarMap::from_fn(shape, |r, c| if (r, c) == (row, column) { [1e8; 3] } else { [1.0; 3] });
     let sun = 1e8 * shape.pixel_solid_angle(row);
     for method in &METHODS[3..] {
-        // Hundreds of passes over 16 million pixels for 64 lights show no more than a few dozen for 4, whose
-        // cells have more beside the sun.
+        // Hundreds of passes over 16 million pixels for 64 lights would show no more than a few dozen passes
+        // for 4 lights, whose cells contain more than the sun.
         let (count, most_rad) = if method.0 == Sampler::KolligKeller { (4, 1e-2) } else { (64, 1e-3) };
         let list = extract(&map, count, *method);
         check_list(&format!("{method:?}"), &list, count);
@@ -91,7 +91,7 @@ fn lights_of_8192_x_2048_pixels_keep_the_power_that_f32_sums_would_lose() {
 fn all_black_map_gives_uniform_directions_without_power() {
     let map = PolarMap::black(SHAPE);
     for method in METHODS {
-        // Rectangles and strata are even too, but not all of one size where 144 are wanted.
+        // Rectangles and strata are uniform too, but not all of the same size when there are 144 of them.
         let is_by_inversion = matches!(method.0, Sampler::Live(_) | Sampler::KolligKeller);
         let tolerance = if is_by_inversion { [0.02, 0.01, 0.02] } else { [0.1; 3] };
         check_dark(&format!("{method:?}"), &extract(&map, 144, method), tolerance);

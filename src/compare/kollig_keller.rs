@@ -1,43 +1,43 @@
 //! Lloyd's relaxation with a growing number of points: Kollig and Keller, *Efficient Illumination by High
 //! Dynamic Range Images*, Eurographics Symposium on Rendering 2003.
 //!
-//! The paper's: a quadrature rule with one node for each Voronoi cell of the sphere, whose weight is the
-//! map's integral over the cell; the nodes are relaxed, each to its cell's centre of mass, the map's radiance
-//! being the mass; the set begins with one node and grows, a new node beside that of the cell with the
+//! From the paper: a quadrature rule with one node for each Voronoi cell of the sphere, whose weight is the
+//! map's integral over the cell. The nodes are relaxed, each to its cell's centre of mass, with the map's
+//! radiance as mass. The set begins with one node and grows by new nodes next to that of the cell with the
 //! highest total intensity, so that the relaxation does not end in a poor local minimum and the intensities
-//! become much alike.
+//! become similar.
 //!
-//! Chosen here: as soon as there are 16 nodes an eighth of them is added at once, beside those of the
-//! brightest cells, where the paper adds one, so that the time grows with the number of lights by little more
-//! than a pass over the map does; eight steps of relaxation after every growth and eight more at the end; a
-//! new node stands half of its cell's spread away from the old one, the directions turned by the golden
-//! angle. A cell of a single lit pixel is not split, and nodes whose cells are dark are put beside bright
-//! ones.
+//! Chosen here: from 16 nodes on, an eighth of their number is added at once, next to those of the brightest
+//! cells, where the paper adds one, so that the time grows with the number of lights little faster than the
+//! time of one pass over the map. There are eight steps of relaxation after every growth and eight more at
+//! the end. A new node is half of its cell's spread away from the old one, in directions rotated by the
+//! golden angle. A cell with a single lit pixel is not split, and nodes with dark cells are moved next to
+//! bright ones.
 
 use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape};
 use lightcast_core::light::{Light, Voronoi};
 use std::f64::consts::PI;
 
-/// Nodes for one that is added at once.
+/// Number of nodes for each one that is added at once.
 const NODES_PER_NEW_ONE: usize = 8;
 const STEPS_PER_GROWTH: usize = 8;
 const STEPS_AT_THE_END: usize = 8;
-/// Growths in a row that may leave dark cells dark: a new node beside one of two lamps may see neither, where
-/// a third of a turn further it would have had one of them.
+/// Consecutive growths that may leave dark cells dark: a new node next to one of two lamps may have neither
+/// in its cell, whereas a third of a turn further it would have one of them.
 const VAIN_GROWTHS: usize = 4;
 
 /// Writes as many lights as there are `sites`. Their sum is the RGB power of the map.
 ///
-/// The sites become the lights' directions; what they are before is of no consequence except where no cell
-/// can be split any more, as on a map without light: then those that are still unused stay where they are.
+/// The sites become the lights' directions; their initial values matter only where no cell can be split any
+/// more, as on a map without light: then the unused sites are left unchanged.
 pub(super) fn kollig_keller(
     map: &PolarMap,
     voronoi: &mut Voronoi,
     sites: &mut [[f32; 3]],
     lights: &mut Vec<Light>,
 ) {
-    // One site has all pixels; its own direction matters only to a dark map.
+    // A single site has all pixels; its initial direction matters only for a dark map.
     let (mut used, mut in_vain) = (1, 0);
     relax(voronoi, map, &mut sites[..used], lights);
     while used < sites.len() || lights.iter().any(is_dark) {
@@ -62,7 +62,8 @@ pub(super) fn kollig_keller(
     }
 }
 
-/// One step of Lloyd's: the lights of the cells about the sites, to whose directions these move.
+/// One step of Lloyd's relaxation: computes the lights of the sites' cells, and moves the sites to the
+/// lights' directions.
 fn relax(voronoi: &mut Voronoi, map: &PolarMap, sites: &mut [[f32; 3]], lights: &mut Vec<Light>) {
     voronoi.refine(map, sites, lights);
     for (site, light) in sites.iter_mut().zip(lights) {
@@ -74,9 +75,9 @@ fn is_dark(light: &Light) -> bool {
     light.luminance() == 0.0
 }
 
-/// Puts new sites, and those of dark cells, beside the sites of the cells with the highest power, and gives
-/// the number that is in use then; `None` where no cell can be split. The new ones stand by the golden angle
-/// further round than those of a growth that was in vain once less.
+/// Places new sites, and those of dark cells, next to the sites of the cells with the highest power, and
+/// returns the number of sites then in use; `None` where no cell can be split. With every further growth in
+/// vain, the new sites are rotated by the golden angle.
 fn grow(
     shape: PolarShape,
     sites: &mut [[f32; 3]],
@@ -86,12 +87,12 @@ fn grow(
 ) -> Option<usize> {
     let dark = lights.iter().enumerate().filter(|(_, light)| is_dark(light));
     let dark: Vec<usize> = dark.map(|(index, _)| index).collect();
-    // Light of one direction has a spread of 0, exactly.
+    // Light from a single direction has a spread of exactly 0.
     let mut bright: Vec<&Light> =
         lights.iter().filter(|light| !is_dark(light) && light.spread_rad > 0.0).collect();
     bright.sort_by(|a, b| b.luminance().total_cmp(&a.luminance()));
     bright.truncate(dark.len() + (used / NODES_PER_NEW_ONE).max(1));
-    // Nearer than to the next pixel a new site would find nothing.
+    // Closer than the next pixel a new site would have no pixels.
     let least_rad = 0.5 * shape.theta_max_rad() / shape.rows() as f64;
     let mut grown = None;
     let mut places = dark.into_iter().chain(used..sites.len());

@@ -1,8 +1,8 @@
-//! What the live path is compared with: methods of others, the paper's as one writes it down at first, and
-//! published figures.
+//! Baselines for comparison with the live path: methods of others, a naive implementation of the paper's
+//! method, and published figures.
 //!
-//! Nothing that runs live imports this room. Methods of others have a file each, which says what of it is the
-//! paper's. [`AnyExtractor`] runs all of them, and the live ones, by one name.
+//! Nothing that runs live imports this room. Each method of others has a file, which states what is taken
+//! from the paper. [`AnyExtractor`] runs all of them, and the live ones, through one type.
 
 mod extractor;
 mod kollig_keller;

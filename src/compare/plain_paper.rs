@@ -1,6 +1,6 @@
-//! The paper's method (Havran et al. 2005, sections 3.1 to 3.3) as one writes it down at first, all of it in
-//! f32: what [`super::stability`] compares with. Nothing else uses it, and no case is caught that the paper
-//! does not speak of.
+//! A naive implementation of the paper's method (Havran et al. 2005, sections 3.1 to 3.3), entirely in f32,
+//! with which [`super::stability`] compares. Nothing else uses it, and it handles no special cases that the
+//! paper does not mention.
 
 use lightcast_core::image::{PolarMap, luminance};
 use lightcast_core::light::Light;
@@ -29,7 +29,7 @@ pub(super) fn power(map: &PolarMap) -> f32 {
     sum
 }
 
-/// Cumulative sums divided by the last.
+/// Cumulative sums, normalised by the last.
 fn cumulative(values: impl Iterator<Item = f32>) -> Vec<f32> {
     let mut sum = 0.0f32;
     let mut table = vec![0.0];
@@ -40,7 +40,7 @@ fn cumulative(values: impl Iterator<Item = f32>) -> Vec<f32> {
     table.iter().map(|value| value / sum).collect()
 }
 
-/// The place of `u` in a cumulative table, in intervals.
+/// The position of `u` in a cumulative table, in intervals.
 fn inverse(count: usize, u: f32, table: impl Fn(usize) -> f32) -> f32 {
     let mut index = 0;
     while index + 1 < count && table(index + 1) <= u {
@@ -49,7 +49,7 @@ fn inverse(count: usize, u: f32, table: impl Fn(usize) -> f32) -> f32 {
     index as f32 + (u - table(index)) / (table(index + 1) - table(index))
 }
 
-/// Lights of equal power at the bicontinuous inverse transform of `points`, with the chromaticity of their
+/// Lights of equal power at the bicontinuous inverse transform of `points`, with the chromaticities of their
 /// pixels.
 pub(super) fn lights(map: &PolarMap, points: &[[f64; 2]]) -> Vec<Light> {
     let (columns, rows) = (map.shape.columns(), map.shape.rows());
@@ -64,7 +64,7 @@ pub(super) fn lights(map: &PolarMap, points: &[[f64; 2]]) -> Vec<Light> {
         let place = inverse(rows, r * r, |index| radial[index]);
         let row = (place as usize).min(rows - 1);
         let height = z[row] + (place - row as f32) * (z[row + 1] - z[row]);
-        // Rings are at the middle of rows, and linear between.
+        // Rings are at the centres of rows, with linear interpolation between them.
         let below = (place - 0.5).max(0.0);
         let (upper, x) = (below as usize, below - below.floor());
         let (upper, lower) = (upper.min(rows - 1), (upper + 1).min(rows - 1));
@@ -84,19 +84,20 @@ pub(super) fn lights(map: &PolarMap, points: &[[f64; 2]]) -> Vec<Light> {
     points.iter().enumerate().map(light).collect()
 }
 
-/// The paper's filter on one light: nine weights divided by their sum, power and direction apart.
+/// The paper's filter on one light: nine weights divided by their sum, applied to power and direction
+/// separately.
 pub(super) struct Filter {
     /// Newest first.
     history: VecDeque<([f32; 3], f32)>,
 }
 
 impl Filter {
-    /// A history full of one light.
+    /// A filter whose history is filled with one light.
     pub(super) fn new(direction: [f32; 3], power: f32) -> Self {
         Self { history: [(direction, power); 9].into() }
     }
 
-    /// Direction and power that leave when these come in.
+    /// The filtered direction and power for these inputs.
     pub(super) fn step(&mut self, direction: [f32; 3], power: f32) -> ([f32; 3], f32) {
         self.history.pop_back();
         self.history.push_front((direction, power));

@@ -1,5 +1,5 @@
-//! Rectangles of rows and columns of a map, cut in two again and again: what median cut and variance
-//! minimisation share.
+//! Recursive bisection of a map into rectangles of rows and columns, shared by median cut and variance
+//! minimisation.
 
 use super::spare_lights::fill_up;
 use glam::DVec3;
@@ -10,14 +10,14 @@ use std::collections::BinaryHeap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
-/// Pixels of a map; at least one.
+/// A rectangle of pixels of a map; at least one pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Rectangle {
     pub(super) rows: Range<usize>,
     pub(super) columns: Range<usize>,
 }
 
-/// What a cut counts along.
+/// The axis along which a rectangle is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Axis {
     Rows,
@@ -33,7 +33,7 @@ impl Rectangle {
         }
     }
 
-    /// The first `length` slices along an axis, and the others.
+    /// The rectangle of the first `length` slices along an axis, and that of the others.
     pub(super) fn cut(&self, axis: Axis, length: usize) -> [Self; 2] {
         let (mut first, mut second) = (self.clone(), self.clone());
         let (first_range, second_range) = match axis {
@@ -46,17 +46,17 @@ impl Rectangle {
     }
 }
 
-/// A map, with what each pixel needs to become a share.
+/// A map with precomputed factors for the shares of its pixels.
 #[derive(Debug)]
 pub(super) struct Pixels<'a> {
     map: &'a PolarMap,
-    /// Cosine and sine per column.
+    /// Cosine and sine of the azimuth, per column.
     azimuths: Vec<[f64; 2]>,
     /// Sine and cosine of the polar angle, and solid angle of a pixel, per row.
     rows: Vec<[f64; 3]>,
 }
 
-/// Pixels as they are, or as if each had a radiance of 1 in every channel.
+/// Whether pixels are taken as they are, or as if each had a radiance of 1 in every channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Content {
     Light,
@@ -73,13 +73,13 @@ impl<'a> Pixels<'a> {
         Self { map, azimuths: shape.column_azimuths(), rows: (0..shape.rows()).map(row).collect() }
     }
 
-    /// All of them.
+    /// The rectangle of all pixels.
     pub(super) fn whole(&self) -> Rectangle {
         Rectangle { rows: 0..self.map.shape.rows(), columns: 0..self.map.shape.columns() }
     }
 
-    /// The axis along which a rectangle is longer as seen on the sphere, the width taken where it is widest,
-    /// if it has more than one slice along it; otherwise the other. `None` for a single pixel.
+    /// The axis along which a rectangle is longer on the sphere, with its width taken where it is widest, if
+    /// it has more than one slice along that axis; otherwise the other axis. `None` for a single pixel.
     pub(super) fn longer_axis(&self, rectangle: &Rectangle) -> Option<Axis> {
         let shape = self.map.shape;
         let (top_rad, rim_rad) =
@@ -120,7 +120,7 @@ impl<'a> Pixels<'a> {
         slices
     }
 
-    /// [`Self::slices`] of what a rectangle has; of even light where it is dark.
+    /// [`Self::slices`] of a rectangle's content, or of uniform light where it is dark.
     pub(super) fn lit_slices(&self, rectangle: &Rectangle, axis: Axis) -> Vec<Share> {
         let slices = self.slices(rectangle, axis, Content::Light);
         if slices.iter().all(|slice| slice.flux == [0.0; 3]) {
@@ -137,10 +137,10 @@ impl<'a> Pixels<'a> {
         sum
     }
 
-    /// Writes `count` lights: one for each rectangle, at most `count` of them, with its RGB flux, the mean
-    /// direction of its flux and its spread; that of a dark rectangle has no power and the rectangle's own
-    /// mean direction. Where there are fewer rectangles the other lights have no power and repeat the
-    /// directions.
+    /// Writes `count` lights: one for each rectangle, of which there are at most `count`, with its RGB flux,
+    /// the mean direction of its flux and its spread. The light of a dark rectangle has no power and the
+    /// rectangle's own mean direction. Where there are fewer rectangles the remaining lights have no power
+    /// and repeat the directions.
     pub(super) fn lights(&self, rectangles: &[Rectangle], count: usize, lights: &mut Vec<Light>) {
         lights.clear();
         lights.extend(rectangles.iter().enumerate().map(|(id, rectangle)| {
@@ -151,16 +151,16 @@ impl<'a> Pixels<'a> {
     }
 }
 
-/// Cuts `whole` into `count` rectangles, or as many as `cut` allows: it gives the halves, or `None` for what
-/// cannot be cut.
+/// Cuts `whole` into `count` rectangles, or as many as `cut` allows, which returns the halves, or `None` for
+/// a rectangle that cannot be cut.
 ///
-/// As long as there are no more than half as many as wanted, every rectangle is cut (both papers: 2^n regions
-/// in n rounds). For what is left over the one with the highest `rank` is cut next; ranks are finite and not
-/// negative. So 2^n are the paper's, except that where a rectangle is a single pixel before the last round
-/// its share of the lights goes to the others.
+/// While there are at most half as many rectangles as requested, every rectangle is cut (as in both papers:
+/// 2^n regions in n rounds). For the remainder the one with the highest `rank` is cut next; ranks are finite
+/// and not negative. For 2^n lights the result is therefore that of the papers, except that where a rectangle
+/// is a single pixel before the last round, its share of the lights goes to the others.
 ///
-/// A half takes its parent's place and the other goes to the end, so that the first 2^k rectangles lie in
-/// different ones of the first k rounds: the beginning of the list covers the map.
+/// One half takes its parent's index and the other is appended, so that the first 2^k rectangles lie in
+/// different rectangles of round k: every prefix of the list covers the map.
 pub(super) fn divide(
     whole: Rectangle,
     count: usize,
@@ -185,7 +185,7 @@ pub(super) fn divide(
             return rectangles;
         }
     }
-    // The bits of floating-point numbers that are not negative have the order of the numbers.
+    // The bit patterns of non-negative floating-point numbers have the same order as the numbers.
     let entry = |rectangles: &[Rectangle], index: usize| (rank(&rectangles[index]).to_bits(), Reverse(index));
     let mut heap: BinaryHeap<_> = (0..rectangles.len()).map(|index| entry(&rectangles, index)).collect();
     while rectangles.len() < count {

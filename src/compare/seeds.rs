@@ -1,4 +1,4 @@
-//! Sites by each of the inverse transforms of METHODS section 5.
+//! Sites placed by each of the inverse transforms of METHODS section 5.
 
 use lightcast_core::image::{PolarMap, PolarShape};
 use lightcast_core::math::direction_at_height;
@@ -10,13 +10,13 @@ pub enum Inversion {
     /// [`Bicontinuous`]: that of the live path.
     #[default]
     Bicontinuous,
-    /// [`Bicontinuous`] with rows normalised before they are interpolated, as the paper has it.
+    /// [`Bicontinuous`] with rows normalised before they are interpolated, as in the paper.
     NormalisedRows,
     /// [`Standard`], the baseline.
     Standard,
 }
 
-/// Points of the unit square, and the distribution of one map after another.
+/// Points of the unit square, and the distribution of the current map.
 #[derive(Clone, Debug)]
 pub(super) struct Seeds {
     points: Vec<[f64; 2]>,
@@ -58,7 +58,8 @@ impl Seeds {
         }
     }
 
-    /// Fills `sites` with unit vectors distributed as `importance(pixel)` is; uniform over a map without any.
+    /// Fills `sites` with unit vectors distributed according to `importance(pixel)`; uniform over a map
+    /// without any importance.
     pub(super) fn sites(
         &mut self,
         map: &PolarMap,

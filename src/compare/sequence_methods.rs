@@ -7,30 +7,30 @@ use lightcast_core::image::PolarShape;
 use lightcast_core::light::Sampler;
 use lightcast_core::temporal::Directions;
 
-/// Lights of a list that the published figures are given for.
+/// Number of lights for which the published figures are given.
 pub const LIGHTS: usize = 128;
 
 /// How the lights of a sequence are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SequenceMethod {
-    /// Equal-power lights by the bicontinuous inversion with normalised rows, each frame by itself: the
-    /// paper's.
+    /// Equal-power lights by the bicontinuous inversion with normalised rows, each frame independently: the
+    /// paper's method.
     Paper,
-    /// Refined lights, each frame by itself.
+    /// Refined lights, each frame independently.
     Refined,
     /// Persistent lights.
     Persistent,
-    /// Adaptive lights, and directions filtered by power: what `lightcast run` does by default.
+    /// Adaptive lights, and directions filtered by power: the default of `lightcast run`.
     Adaptive,
 }
 
 impl SequenceMethod {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Paper, Self::Refined, Self::Persistent, Self::Adaptive];
-    /// The one that `run` takes unless told otherwise.
+    /// The default of `run`.
     pub const OURS: Self = Self::Adaptive;
 
-    /// What tables call it.
+    /// Its name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Paper => "the paper",
@@ -40,7 +40,7 @@ impl SequenceMethod {
         }
     }
 
-    /// Makes its lights.
+    /// The extractor of its lights.
     ///
     /// # Errors
     /// Those of [`AnyExtractor::new`].
@@ -61,22 +61,21 @@ impl SequenceMethod {
     }
 }
 
-/// Figures of METHODS section 7, made with a float64 reference model, every light a direction. For adaptive
-/// lights those of "persistent, dominant peaks apart".
+/// Figures of METHODS section 7, computed with a float64 reference model in which every light is a direction.
+/// For adaptive lights they are those of "persistent, dominant peaks apart".
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Published {
     /// Error and flicker before the filter.
     pub before: [f64; 2],
-    /// 99th percentile of light motion before the filter, in degrees a frame.
+    /// 99th percentile of light motion before the filter, in degrees per frame.
     pub motion_p99_deg: f64,
     /// Error and flicker after the filter.
     pub after: [f64; 2],
 }
 
-/// What adaptive lights are to reach after the filter, shadows softened by their spread: error and flicker
-/// ...
+/// Targets for adaptive lights after the filter, with shadows softened by their spread: error and flicker ...
 pub const GOALS: [(&str, [f64; 2]); 2] = [("garden", [0.003, 0.006]), ("hall", [0.0012, 0.0003])];
-/// ... and 99th percentile of light motion before and after it, in degrees a frame.
+/// ... and 99th percentile of light motion before and after it, in degrees per frame.
 pub const MOTION_GOAL_DEG: f64 = 2.0;
 
 /// One of METHODS' own sequences.
@@ -84,7 +83,7 @@ pub const MOTION_GOAL_DEG: f64 = 2.0;
 pub struct PublishedSequence {
     /// `garden` or `hall`.
     pub name: &'static str,
-    /// The panorama that it is made of, without its extension.
+    /// The panorama from which it is made, without its extension.
     pub panorama: &'static str,
     /// The figures of every method.
     pub published: [(SequenceMethod, Published); 4],
@@ -118,8 +117,8 @@ const fn published(before: [f64; 2], motion_p99_deg: f64, after: [f64; 2]) -> Pu
     Published { before, motion_p99_deg, after }
 }
 
-/// Whether there are published figures for `sequence` made of the panorama with this name, without its
-/// extension.
+/// Whether there are published figures for `sequence` made from the panorama with this name (without its
+/// extension).
 pub fn is_published(sequence: &str, panorama: &str) -> bool {
     PUBLISHED_SEQUENCES.iter().any(|known| (known.name, known.panorama) == (sequence, panorama))
 }

@@ -2,8 +2,8 @@
 
 use lightcast_core::light::Light;
 
-/// Adds lights without power until there are `count`, in the directions of those that are there, at least
-/// one.
+/// Adds lights without power until there are `count`, in the directions of the existing lights, of which
+/// there is at least one.
 pub(super) fn fill_up(lights: &mut Vec<Light>, count: usize) {
     let known = lights.len();
     for id in known..count {

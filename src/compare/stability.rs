@@ -1,6 +1,6 @@
-//! The hard cases of METHODS section 10, each as rows of figures: what comes in, what the paper's method
-//! written down in f32 makes of it (the module `plain_paper`), what ours makes of it, what is true in f64,
-//! and how far ours may be off.
+//! The hard cases of METHODS section 10, each as rows of figures: the input, the result of a naive f32
+//! implementation of the paper's method (the module `plain_paper`), our result, the reference in f64, and the
+//! bound on our error.
 
 mod frames;
 mod maps;
@@ -9,7 +9,7 @@ mod time;
 use crate::error::Result;
 use serde::Serialize;
 
-/// By how much ours may differ from the reference.
+/// The bound on the difference of our result from the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bound {
@@ -19,36 +19,36 @@ pub enum Bound {
     Absolute(f64),
 }
 
-/// The figures of a case. In JSON, what is not a finite number is null.
+/// The figures of a case. In JSON, numbers that are not finite are null.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figures {
-    /// Of the paper's method in f32; `None` where the paper has nothing to compare.
+    /// Result of the paper's method in f32; `None` where the paper has nothing to compare.
     pub plain_f32: Option<f64>,
-    /// Of this program.
+    /// Result of this program.
     pub ours: f64,
-    /// In f64, by another way than ours.
+    /// Reference in f64, by an independent computation.
     pub reference: f64,
-    /// How far ours may be from the reference.
+    /// The bound on our difference from the reference.
     pub bound: Bound,
 }
 
 /// One figure of one hard case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// The case, as METHODS names it.
+    /// The name of the case in METHODS.
     pub case: &'static str,
-    /// What comes in.
+    /// The input.
     pub input: &'static str,
     /// What is compared, with its unit.
     pub quantity: &'static str,
-    /// The figures; `None` for what no figure can say.
+    /// The figures; `None` for a property that no figure can express.
     pub figures: Option<Figures>,
-    /// The test that shows the rest.
+    /// The test of the properties without figures.
     pub tested_in: Option<&'static str>,
 }
 
 impl Figures {
-    /// The difference of a value from the reference, as the bound counts it. NaN for NaN.
+    /// The difference of a value from the reference, relative or absolute as in the bound. NaN for NaN.
     pub fn error(&self, value: f64) -> f64 {
         match self.bound {
             Bound::Relative(_) => (value / self.reference - 1.0).abs(),
@@ -56,7 +56,7 @@ impl Figures {
         }
     }
 
-    /// Whether ours is within its bound.
+    /// Whether our result is within its bound.
     pub fn is_within(&self) -> bool {
         let (Bound::Relative(most) | Bound::Absolute(most)) = self.bound;
         self.error(self.ours) <= most
@@ -78,11 +78,11 @@ fn row(
 /// Measures a case.
 type Case = fn() -> Result<Vec<Row>>;
 
-/// Runs every case; a few seconds. `goes_on` is asked after every one; when it says no, the rows until then
-/// are all.
+/// Runs every case, in a few seconds. `goes_on` is called after every case; when it returns false, only the
+/// rows until then are returned.
 ///
 /// # Errors
-/// Those of the parts that are measured.
+/// Those of the measured parts.
 pub fn measure(goes_on: impl Fn() -> bool) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for case in maps::CASES.into_iter().chain(time::CASES).chain(frames::CASES) {
@@ -156,11 +156,11 @@ mod tests {
             assert!(row.figures.is_none_or(|figures| figures.is_within()), "{row:?}");
             assert!(row.figures.is_some() || row.tested_in.is_some(), "{row:?}");
         }
-        // The files that rows name are there.
+        // The files named in the rows exist.
         for name in rows.iter().filter_map(|row| row.tested_in).flat_map(|names| names.split(", ")) {
             assert!(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(name).exists(), "{name}");
         }
-        // What the comparison is for: f32 throughout is off, or gives no number at all, in many of them.
+        // The purpose of the comparison: in many cases, f32 throughout is inaccurate or produces NaN.
         let figures: Vec<Figures> = rows.iter().filter_map(|row| row.figures).collect();
         let fails = |figures: &&Figures| {
             figures.plain_f32.is_some_and(|plain| !Figures { ours: plain, ..**figures }.is_within())

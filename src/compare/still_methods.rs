@@ -6,15 +6,15 @@ use lightcast_core::image::PolarShape;
 use lightcast_core::light;
 use lightcast_core::light::measure::Errors;
 
-/// Size of the maps that the published figures are given for.
+/// Size of the maps for which the published figures are given.
 pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 /// Numbers of lights in the table.
 pub const COUNTS: [usize; 2] = [64, 256];
 
-/// A way from a single map to lights, with its row of METHODS section 6 where it has one.
+/// A method that turns a single map into lights, with its row of METHODS section 6 where it has one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StillMethod {
-    /// How it is called in the table.
+    /// Its name in the table.
     pub name: &'static str,
     sampler: Sampler,
     inversion: Inversion,
@@ -22,7 +22,7 @@ pub struct StillMethod {
     pub published: Option<[Errors; 2]>,
 }
 
-/// The panoramas that the published means are over, by their names without extension.
+/// Names, without extension, of the panoramas over which the published means were taken.
 pub const PUBLISHED_MAPS: [&str; 13] = [
     "autoshop_01_1k",
     "brown_photostudio_02_1k",
@@ -39,7 +39,7 @@ pub const PUBLISHED_MAPS: [&str; 13] = [
     "venice_sunset_1k",
 ];
 
-/// Whether these names, without extensions, are those of the panoramas that there are published means of.
+/// Whether these names, without extensions, are those of the panoramas of the published means.
 pub fn are_published(names: &[String]) -> bool {
     names.len() == PUBLISHED_MAPS.len()
         && PUBLISHED_MAPS.iter().all(|own| names.iter().any(|name| name == own))
@@ -89,7 +89,7 @@ pub const METHODS: [StillMethod; 9] = [
         Sampler::Live(light::Sampler::Refined),
         Some([errors(0.0060, 0.0031, 0.0311), errors(0.0014, 0.00066, 0.0051)]),
     ),
-    // METHODS' row is that of refined lights after eight passes, close to this.
+    // The row in METHODS is that of refined lights after eight passes, which is close to this.
     method(
         "Kollig-Keller",
         Sampler::KolligKeller,
@@ -98,20 +98,20 @@ pub const METHODS: [StillMethod; 9] = [
     method("adaptive", ADAPTIVE, None),
 ];
 
-/// The method of [`METHODS`] that `run` takes unless told otherwise. It is judged when the scene has stood
-/// still for nine frames, the others by their first list.
+/// The method of [`METHODS`] that is the default of `run`. It is evaluated after nine identical frames, the
+/// others by their first list.
 pub const OURS: &str = "adaptive";
-/// The length of the filter at 25 frames/s: by then lights have settled.
+/// The length of the filter at 25 frames/s, after which lights have settled.
 const STILL_FRAMES: usize = 9;
 const ADAPTIVE: Sampler = Sampler::Live(light::Sampler::Adaptive);
 
 impl StillMethod {
-    /// After how many frames of the same map its list is judged.
+    /// Number of frames of the same map after which its list is evaluated.
     pub fn frames(&self) -> usize {
         if self.sampler == ADAPTIVE { STILL_FRAMES } else { 1 }
     }
 
-    /// Makes its lights.
+    /// The extractor of its lights.
     ///
     /// # Errors
     /// Those of [`AnyExtractor::new`].

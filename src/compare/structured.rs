@@ -1,18 +1,19 @@
 //! Structured importance sampling: Agarwal, Ramamoorthi, Belongie and Jensen, *Structured Importance Sampling
 //! of Environment Maps*, SIGGRAPH 2003.
 //!
-//! The paper's: the map is cut into levels of radiance by thresholds at multiples of its standard deviation,
-//! six levels, and these into connected components; a component of illumination L and solid angle dO has the
+//! From the paper: the map is divided into six levels of radiance by thresholds at multiples of its standard
+//! deviation, and these into connected components. A component of illumination L and solid angle dO has the
 //! importance `L^a min(dO, dO_0)^b` with a = 1, b = 1/4 and dO_0 = 0.01 sr, so that a small bright source
-//! gets fewer samples than by its power alone, and a number of samples in proportion; they are spread over it
-//! by the farthest-point rule of Hochbaum and Shmoys, brightest levels first, away from all that are placed
-//! already; every sample takes the illumination of its stratum, integrated before anything is rendered.
+//! gets fewer samples than by its power alone; the number of samples is proportional to it. They are spread
+//! over the component by the farthest-point rule of Hochbaum and Shmoys, brightest levels first, away from
+//! all samples placed before. Every sample takes the illumination of its stratum, integrated before
+//! rendering.
 //!
-//! Chosen here: levels are apart, where the paper's lower ones hold the higher ones and count their samples;
-//! numbers of samples are rounded by Sainte-Lague's divisors, so that they add up; the first sample of all is
-//! the brightest pixel; components without a sample, of which noisy maps have many, belong to the nearest
-//! samples; a light stands in the mean direction of its stratum's flux, not at the sample, which the
-//! farthest-point rule puts at the stratum's edge as often as not.
+//! Chosen here: levels are disjoint, where the paper's lower levels include the higher ones and their
+//! samples. Numbers of samples are rounded by Sainte-Lague's divisors, so that they add up. The very first
+//! sample is the brightest pixel. Components without a sample, of which noisy maps have many, belong to the
+//! nearest samples. A light has the mean direction of its stratum's flux, not that of the sample, which the
+//! farthest-point rule often places at the stratum's edge.
 
 use super::spare_lights::fill_up;
 use glam::DVec3;
@@ -26,11 +27,12 @@ const LEVEL_COUNT: usize = 6;
 /// The paper's b and dO_0.
 const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 const SOLID_ANGLE_MOST_SR: f64 = 0.01;
-/// Place of a pixel that has none.
+/// Marks a pixel without a site.
 const NONE: u32 = u32::MAX;
 
-/// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A constant map, a black one
-/// too, is one component; where the map has fewer than `count` pixels the other lights have no power.
+/// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A constant map, including a
+/// black one, is one component; where the map has fewer than `count` pixels the remaining lights have no
+/// power.
 pub(super) fn structured(map: &PolarMap, count: usize, lights: &mut Vec<Light>) {
     let strata = Strata::new(map, count);
     let mut shares = vec![Share::default(); strata.sites.len()];
@@ -45,9 +47,9 @@ pub(super) fn structured(map: &PolarMap, count: usize, lights: &mut Vec<Light>) 
     fill_up(lights, count);
 }
 
-/// Samples and what belongs to them.
+/// Samples and their strata.
 struct Strata {
-    /// Pixels at which samples stand.
+    /// Pixels of the samples.
     sites: Vec<usize>,
     /// For every pixel the index of the site that it belongs to.
     nearest: Vec<u32>,
@@ -57,7 +59,7 @@ struct Strata {
 #[derive(Clone, Debug)]
 struct Component {
     level: usize,
-    /// Of the list of all components' pixels.
+    /// Range in the list of all components' pixels.
     members: Range<usize>,
     importance: f64,
 }
@@ -65,12 +67,12 @@ struct Component {
 impl Strata {
     fn new(map: &PolarMap, count: usize) -> Self {
         let (mut components, members) = components(map);
-        // Stable: of one level in the order of their first pixels.
+        // The sort is stable: components of one level stay in the order of their first pixels.
         components.sort_by_key(|component| Reverse(component.level));
         let counts = apportion(&components, count);
         let directions: Vec<DVec3> = (0..map.pixels.len()).map(|index| direction(map, index)).collect();
         let mut sites = Vec::with_capacity(count);
-        // Dot products with the nearest site of all, and with the nearest of the pixel's own component.
+        // Dot products with the nearest of all sites, and with the nearest site of the pixel's own component.
         let mut closest = vec![f64::NEG_INFINITY; map.pixels.len()];
         let mut own = closest.clone();
         let (mut nearest, mut nearest_own) = (vec![NONE; map.pixels.len()], vec![NONE; map.pixels.len()]);
@@ -111,11 +113,11 @@ impl Strata {
     }
 }
 
-/// Samples for each component, `count` in all, or all pixels where those are fewer: in proportion to
-/// importance, by the divisors 1, 3, 5 ... (Sainte-Lague), and no more than pixels.
+/// Numbers of samples of the components, `count` in total, or as many as there are pixels if those are fewer:
+/// in proportion to importance, by the divisors 1, 3, 5 ... (Sainte-Lague), and at most one per pixel.
 fn apportion(components: &[Component], count: usize) -> Vec<usize> {
     let mut counts = vec![0; components.len()];
-    // The bits of floating-point numbers that are not negative have the order of the numbers.
+    // The bit patterns of non-negative floating-point numbers have the same order as the numbers.
     let claim = |index: usize, has: usize| {
         ((components[index].importance / (2 * has + 1) as f64).to_bits(), Reverse(index))
     };
@@ -158,8 +160,8 @@ fn components(map: &PolarMap) -> (Vec<Component>, Vec<usize>) {
     (components, members)
 }
 
-/// The level of every pixel: how many of the thresholds sigma, 2 sigma ... 5 sigma its luminance reaches,
-/// sigma the map's standard deviation over solid angle. All 0 for a constant map.
+/// The level of every pixel: the number of thresholds sigma, 2 sigma ... 5 sigma that its luminance reaches,
+/// where sigma is the map's standard deviation weighted by solid angle. All 0 for a constant map.
 fn levels(map: &PolarMap) -> Vec<usize> {
     let solid_angle = |index: usize| map.shape.pixel_solid_angle(index / map.shape.columns());
     let (mut sum, mut weight) = (0.0, 0.0);
@@ -172,7 +174,7 @@ fn levels(map: &PolarMap) -> Vec<usize> {
         .map(|index| (luminance(map, index) - mean).powi(2) * solid_angle(index))
         .sum::<f64>();
     let sigma = (squares / weight).sqrt();
-    // What is left of a constant map's deviation is rounding.
+    // The deviation of a constant map is only rounding error.
     let is_constant = sigma <= 1e-12 * mean;
     (0..map.pixels.len())
         .map(

@@ -1,26 +1,26 @@
 //! Variance minimisation: Viriyothai and Debevec, *Variance Minimization Light Probe Sampling*, SIGGRAPH 2009
 //! posters.
 //!
-//! The paper's, by its steps: (1) the map is one region; (2) every region is cut "such that the maximum of
-//! the two sub-regions' variances is minimized"; (3) that is done n times, for 2^n regions; (4) a light
-//! stands at the centroid of each region, with the sum of its pixels. The variance of a region is the sum of
-//! L d^2 over its pixels, L the light energy of a pixel and d its distance from the region's centroid. The
-//! paper has it from summed-area tables.
+//! From the paper, by its steps: (1) the map is one region; (2) every region is cut "such that the maximum of
+//! the two sub-regions' variances is minimized"; (3) this is repeated n times, for 2^n regions; (4) a light
+//! is placed at the centroid of each region, with the sum of its pixels. The variance of a region is the sum
+//! of L d^2 over its pixels, where L is the light energy of a pixel and d its distance from the region's
+//! centroid. The paper computes it from summed-area tables.
 //!
-//! Chosen here: cuts along both dimensions compete. The distance is the chord on the unit sphere to the
-//! direction of the region's light, so that the variance is `2 (F - |V|)` with the flux F and the first
-//! moment V, which add up; sums are run from both ends of a region, as differences in tables lose dim regions
-//! beside bright ones. Of equally good cuts the one along the longer dimension and nearest to the middle is
-//! taken; a dark region is cut as if it were evenly lit; for a number that is no power of two the regions
-//! with the largest variance are cut once more.
+//! Chosen here: cuts along both dimensions are considered. The distance is the chord on the unit sphere to
+//! the direction of the region's light, so that the variance is `2 (F - |V|)` with the flux F and the first
+//! moment V, which are additive; sums are accumulated from both ends of a region, because differences of
+//! table entries lose dim regions next to bright ones. Of equally good cuts the one along the longer
+//! dimension and nearest to the middle is taken; a dark region is cut as if it were uniformly lit; for a
+//! number that is not a power of two the regions with the largest variance are cut once more.
 
 use super::rectangles::{Axis, Content, Pixels, Rectangle, divide};
 use lightcast_core::image::{PolarMap, luminance_f64};
 use lightcast_core::light::{Light, Share};
 
-/// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A map without light gives
-/// lights without power in the middle of even regions; where the map has fewer than `count` pixels the other
-/// lights have no power.
+/// Writes `count` lights (at least 1). Their sum is the RGB power of the map. A map without light produces
+/// lights without power at the centres of equal regions; where the map has fewer than `count` pixels the
+/// remaining lights have no power.
 pub(super) fn variance_minimisation(map: &PolarMap, count: usize, lights: &mut Vec<Light>) {
     let pixels = Pixels::new(map);
     pixels.lights(&regions(&pixels, count), count, lights);
@@ -44,7 +44,7 @@ fn halves(pixels: &Pixels<'_>, rectangle: &Rectangle) -> Option<[Rectangle; 2]> 
     let mut best = ((f64::INFINITY, usize::MAX), longer, 1);
     for axis in [longer, other] {
         let slices = pixels.lit_slices(rectangle, axis);
-        // Place i has the variance of the slices from i on.
+        // Entry i is the variance of the slices from i on.
         let mut sum = Share::default();
         let mut rest: Vec<f64> = slices
             .iter()

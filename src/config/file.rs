@@ -13,8 +13,8 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 
-/// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and the turn that
-/// this leaves open is far below a pixel.
+/// How far the rows of a rotation may be from orthonormal: six written digits give 1e-6, and a rotation
+/// within this tolerance is far below a pixel.
 const ROTATION_TOLERANCE: f64 = 1e-5;
 
 #[derive(Deserialize)]
@@ -56,7 +56,7 @@ struct MapKeys {
 }
 
 impl Default for MapKeys {
-    /// The paper's polar map: a hemisphere by degrees.
+    /// The paper's polar map: a hemisphere in steps of one degree.
     fn default() -> Self {
         Self { columns: 360, rows: 90, theta_max_deg: 90.0 }
     }

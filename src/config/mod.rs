@@ -1,7 +1,7 @@
-//! What a configuration file says, checked once into the options of the rooms below.
+//! The contents of a configuration file, checked once and turned into the options of the modules below.
 //!
-//! The file is TOML; `config/replay.toml` has every key with a comment. Unknown keys are refused, a fault is
-//! told with file, line and key, and paths in the file are relative to its folder.
+//! The file is TOML; `config/replay.toml` has every key with a comment. Unknown keys are refused, an error
+//! names file, line and key, and paths in the file are relative to its folder.
 
 mod file;
 mod server;
@@ -26,9 +26,9 @@ use std::path::{Path, PathBuf};
 pub struct Config {
     /// Where the frames come from.
     pub source: SourceOptions,
-    /// How fast they come.
+    /// How fast they are played.
     pub pace: Pace,
-    /// What happens when a stage is slower than they come.
+    /// What happens when a stage is slower than the frames arrive.
     pub links: Links,
     /// What the frames show.
     pub camera: CameraOptions,
@@ -38,7 +38,7 @@ pub struct Config {
     pub lights: light::Options,
     /// How they are filtered.
     pub filter: FilterOptions,
-    /// Whom a server lets in.
+    /// Who may connect to a server.
     pub server: ServerConfig,
     origin: TomlText,
 }
@@ -48,7 +48,7 @@ pub struct Config {
 pub enum SourceOptions {
     /// Numbered files.
     Sequence(SequenceOptions),
-    /// A live camera, and the exposures that it goes round.
+    /// A live camera, and the exposures that it cycles through.
     #[cfg(feature = "camera")]
     Camera(V4l2Options, Option<BracketOptions>),
 }
@@ -60,7 +60,7 @@ pub enum Pace {
     /// At its own frame rate.
     #[default]
     RealTime,
-    /// As fast as it goes.
+    /// As fast as possible.
     Fast,
 }
 
@@ -84,8 +84,8 @@ pub struct CameraOptions {
     pub calibration: Option<PathBuf>,
     /// Which camera of a Kalibr chain; `None`: the first.
     pub kalibr_camera: Option<String>,
-    /// Meaning of sensor codes; goes before what the calibration says. Files of OpenCV and Kalibr say
-    /// nothing.
+    /// Meaning of sensor codes; takes precedence over the calibration. Files of OpenCV and Kalibr do not give
+    /// it.
     pub response: Option<Response>,
     /// Rotation from camera to world axes; `None`: the projection's own default.
     pub world_from_camera: Option<DMat3>,

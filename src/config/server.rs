@@ -7,7 +7,7 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Most clients that can be asked for: file handles are a machine's, not ours.
+/// Most clients that can be configured: the number of file handles is limited by the machine.
 const CLIENTS_MAX: usize = 100_000;
 
 #[derive(Default, Deserialize)]
@@ -24,7 +24,7 @@ pub(super) struct ServerKeys {
 pub struct ServerConfig {
     /// The file whose first line is the token; `None`: clients need none.
     pub token_file: Option<PathBuf>,
-    /// All else.
+    /// All other options.
     pub options: ServerOptions,
 }
 
@@ -65,7 +65,7 @@ impl ServerKeys {
 }
 
 impl Config {
-    /// What a server starts with.
+    /// The options that a server starts with.
     ///
     /// # Errors
     /// Those of [`Token::load`].

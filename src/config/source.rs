@@ -23,8 +23,8 @@ enum Kind {
     Camera,
 }
 
-/// The keys of all kinds of sources. They lie in one structure, and not in one for each kind, so that a fault
-/// is told with its line.
+/// The keys of all kinds of sources. They lie in one structure, and not in one for each kind, so that an
+/// error names its line.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SourceKeys {
@@ -54,7 +54,7 @@ pub(super) struct SourceKeys {
     bracket: Option<BracketOptions>,
 }
 
-/// Most buffers that can be asked for: the kernel's own limit.
+/// Most buffers that can be configured: the kernel's own limit.
 #[cfg(feature = "camera")]
 const BUFFERS_MAX: u32 = 32;
 
@@ -130,7 +130,7 @@ impl SourceKeys {
             controls: self.controls.unwrap_or_default(),
             buffers,
         };
-        // A camera does not wait: live unless told otherwise.
+        // A camera does not wait, so its links are live by default.
         Ok((SourceOptions::Camera(options, self.bracket), Pace::RealTime, self.links.unwrap_or(Links::Live)))
     }
 }

@@ -1,16 +1,16 @@
-//! Equiripple low-pass filters of linear phase (Parks-McClellan), designed by the crate `pm-remez`.
+//! Equiripple linear-phase low-pass filters (Parks-McClellan), designed by the crate `pm-remez`.
 //!
-//! The nine weights that the paper prints come out of order 8, pass band to 7 Hz, stop band from 9.6 Hz at 25
-//! Hz, not out of the 21, 7 and 9 Hz of its text. At other frame rates the bands stay and the order is the
-//! even number that keeps the delay nearest to the paper's 4 frames at 25 Hz, 160 ms.
+//! The nine weights printed in the paper result from order 8, a pass band up to 7 Hz and a stop band from 9.6
+//! Hz at 25 Hz, not from the values 21, 7 and 9 Hz of its text. At other frame rates the bands stay the same
+//! and the order is the even number whose delay is nearest to the paper's 4 frames at 25 Hz, 160 ms.
 
 use crate::error::{Error, Place, Result};
 use lightcast_core::temporal::{Directions, Taps};
 use pm_remez::{Band, PMParameters, ParametersBuilder, pm_remez};
 use serde::Deserialize;
 
-/// Highest order that is designed. The design is tested up to here (2000 frames/s at 160 ms: 27 ms once); a
-/// longer history of 300 lights would outgrow the cache by far.
+/// Highest order that is designed. The design is tested up to this order (2000 frames/s at 160 ms, which
+/// takes 27 ms once); a longer history of 300 lights would far exceed the cache.
 const MAX_ORDER: usize = 640;
 
 /// Relative difference of the ripple peaks at which the exchange stops, and above which a design is refused.
@@ -18,8 +18,8 @@ const MAX_ORDER: usize = 640;
 const FLATNESS: f64 = 1e-6;
 const FLATNESS_LIMIT: f64 = 1e-2;
 
-/// Least width of the stop band in units of the frame rate: at twice the stop frequency the band is a single
-/// point, where the exchange has no interval to search.
+/// Least width of the stop band in units of the frame rate: at a frame rate of twice the stop frequency the
+/// band is a single point, and the exchange has no interval to search.
 const MIN_BAND: f64 = 1e-6;
 
 /// How lights are filtered over time.
@@ -32,9 +32,9 @@ pub struct FilterOptions {
     pub pass_hz: f64,
     /// Lower edge of the stop band. Sequences of fewer than twice as many frames per second are not filtered.
     pub stop_hz: f64,
-    /// Wanted delay in seconds; rounded to whole frames it sets the order.
+    /// Desired delay in seconds; rounded to whole frames it determines the order.
     pub delay_s: f64,
-    /// How frames weigh in a light's direction.
+    /// How frames are weighted in a light's direction.
     pub directions: Directions,
 }
 
@@ -68,16 +68,16 @@ impl FilterOptions {
 
 /// Taps for a frame rate: order `2 round(delay_s * frame_rate_hz)`, gain 1 at 0 Hz.
 ///
-/// Gives [`Taps::identity`] where nothing is to be filtered: options not `enabled`, a rate below `2 stop_hz`
-/// (the stop band lies beyond what is sampled), a rate that is unknown (NaN, zero or negative), a delay that
-/// rounds to no frame.
+/// Returns [`Taps::identity`] where nothing is filtered: options not `enabled`, a rate below `2 stop_hz` (the
+/// stop band lies above the Nyquist frequency), an unknown rate (NaN, zero or negative), a delay that rounds
+/// to zero frames.
 ///
 /// # Errors
 /// Kind `Usage` for options that [`FilterOptions::check`] refuses, for an order above 640 (rates above 2000
-/// Hz at the default delay) and for bands that no filter of this order tells apart.
+/// Hz at the default delay) and for bands that no filter of this order can separate.
 pub fn low_pass(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
     options.check()?;
-    // Written so that NaN ends here too.
+    // The condition is written so that NaN also fails it.
     let sampled = frame_rate_hz > 0.0 && frame_rate_hz >= 2.0 * options.stop_hz;
     let delay_frames = (options.delay_s * frame_rate_hz).round();
     if !options.enabled || !sampled || delay_frames == 0.0 {
@@ -92,7 +92,7 @@ pub fn low_pass(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
     }
     let mut taps = equiripple(2 * delay_frames as usize, frame_rate_hz, options.pass_hz, options.stop_hz)?;
     let sum: f64 = taps.iter().sum();
-    // The gain at 0 Hz is 1 give or take the ripple; where the ripple is that large there is no pass band.
+    // The gain at 0 Hz is 1 plus or minus the ripple; with a ripple this large there is no pass band.
     if !(0.5..=1.5).contains(&sum) {
         return Err(cannot_tell_apart(options.pass_hz, options.stop_hz, frame_rate_hz, taps.len() - 1));
     }
@@ -100,7 +100,7 @@ pub fn low_pass(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
     Ok(Taps::new(taps)?)
 }
 
-/// Equiripple low-pass of even `order`, the same weight on both bands, not normalised.
+/// Equiripple low-pass of even `order` with the same weight on both bands, not normalised.
 fn equiripple(order: usize, frame_rate_hz: f64, pass_hz: f64, stop_hz: f64) -> Result<Vec<f64>> {
     let failed = || cannot_tell_apart(pass_hz, stop_hz, frame_rate_hz, order);
     let (pass, stop) = (pass_hz / frame_rate_hz, (stop_hz / frame_rate_hz).min(0.5 - MIN_BAND));
@@ -166,7 +166,7 @@ mod tests {
         assert_near(&taps, [0.06216, 0.01296, -0.13816, 0.28315, 0.65223], 5e-5);
         let sum: f64 = taps.iter().sum();
         assert!((sum - 1.09245).abs() < 1e-4, "{sum}");
-        // Divided by their sum they are what is used.
+        // Divided by their sum, these are the taps in use.
         let used = low_pass(25.0, &FilterOptions::default()).unwrap();
         assert!(used.as_slice().iter().zip(&taps).all(|(used, tap)| (used * sum - tap).abs() < 1e-15));
         assert_eq!((used.order(), used.delay_frames()), (8, 4));
@@ -185,8 +185,8 @@ mod tests {
             let taps = low_pass(rate, &FilterOptions::default()).unwrap();
             assert_eq!(taps.order(), 2 * (0.16 * rate).round() as usize, "{rate} Hz");
             assert!((gain(taps.as_slice(), 0.0) - 1.0).abs() < 1e-12);
-            // Chebyshev's alternation theorem: the best filter has equal ripples in both bands. At twice the
-            // stop frequency the stop band is one point.
+            // Chebyshev's alternation theorem: the best filter has equal ripples in both bands. At a frame
+            // rate of twice the stop frequency the stop band is one point.
             let (pass, stop) = ripples(&equiripple(taps.order(), rate, 7.0, 9.6).unwrap(), rate, 7.0, 9.6);
             assert!((pass / stop - 1.0).abs() < 2e-3, "{rate} Hz: {pass} {stop}");
             assert!(pass < 0.13, "{rate} Hz: {pass}");

@@ -1,5 +1,5 @@
-//! Filters of lists as an operator asks for them: taps for a frame rate, and a filter that keeps to the rate
-//! of its lists.
+//! Filters of lists by user options: taps for a frame rate, and a filter that adapts to the rate of its
+//! lists.
 
 mod low_pass;
 mod rate_filter;

@@ -3,17 +3,18 @@ use crate::error::Result;
 use lightcast_core::light::ReferencedList;
 use lightcast_core::temporal::{LightFilter, Taps};
 
-/// A [`LightFilter`] whose taps are designed for the frame rate that its lists carry, anew when it changes.
+/// A [`LightFilter`] whose taps are designed for the frame rate of its lists, and designed again when it
+/// changes.
 #[derive(Clone, Debug)]
 pub struct RateFilter {
     options: FilterOptions,
     filter: LightFilter,
-    /// The rate of the taps, as bits: NaN, an unknown rate, is the same as itself.
+    /// The rate of the taps, as bits, so that NaN (an unknown rate) equals itself.
     rate_bits: Option<u64>,
 }
 
 impl RateFilter {
-    /// A filter that has seen nothing.
+    /// A filter with an empty history.
     ///
     /// # Errors
     /// Kind `Usage`, naming the key, for values that [`FilterOptions::check`] refuses.
@@ -26,8 +27,8 @@ impl RateFilter {
     /// Takes the next list of the sequence and writes the filtered one, as [`LightFilter::step`].
     ///
     /// # Errors
-    /// Those of [`low_pass`], when the first list or a new frame rate asks for a filter that cannot be made;
-    /// the next list is then taken as the first.
+    /// Those of [`low_pass`], when the first list or a new frame rate requires a filter that cannot be
+    /// designed; the next list is then treated as the first.
     pub fn step(&mut self, input: &ReferencedList, filtered: &mut ReferencedList) -> Result<()> {
         let rate_bits = Some(input.list.stamp.frame_rate_hz.to_bits());
         if self.rate_bits != rate_bits {

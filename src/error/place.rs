@@ -1,7 +1,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Where a fault stands.
+/// The place of a fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
     /// A file, or a folder.
@@ -23,10 +23,11 @@ pub enum Place {
     Key {
         /// As in `sky.sun.path[1].time_s`, beginning in the table that the fault was found in.
         name: String,
-        /// What is wrong about it, as it is written, where one value is.
+        /// Its value as it is written, where one value is wrong.
         value: Option<String>,
     },
-    /// What has a name and no number: a device, an address, a part of a file. Or a circumstance, in words.
+    /// Something with a name and no number: a device, an address, a part of a file. Or a circumstance, in
+    /// words.
     Part(String),
 }
 
@@ -41,7 +42,7 @@ impl Place {
         Self::Key { name: name.into(), value: None }
     }
 
-    /// A key with a value that cannot be.
+    /// A key with a value that is not allowed.
     pub fn value(name: impl Into<String>, value: impl fmt::Display) -> Self {
         Self::Key { name: name.into(), value: Some(value.to_string()) }
     }

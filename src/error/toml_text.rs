@@ -1,4 +1,4 @@
-//! Files that people write in TOML, and where in them a fault stands.
+//! Files that people write in TOML, and the position of faults in them.
 
 use super::{Error, Place, Result};
 use serde::de::DeserializeOwned;
@@ -12,9 +12,9 @@ const SIZE_MAX_BYTES: u64 = 1 << 20;
 /// A file as it was written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TomlText {
-    /// Where it stands, for messages.
+    /// Its path, for messages.
     pub path: PathBuf,
-    /// What it says.
+    /// Its contents.
     pub text: String,
 }
 
@@ -38,7 +38,7 @@ impl TomlText {
     /// The values by their keys.
     ///
     /// # Errors
-    /// Kind `Usage`, naming file, line and what is written there: no TOML, unknown keys, wrong types.
+    /// Kind `Usage`, naming file, line and what is written there: invalid TOML, unknown keys, wrong types.
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(&self.text).map_err(|error| {
             let message = error.message().replace('\n', ", ");
@@ -55,9 +55,9 @@ impl TomlText {
         })
     }
 
-    /// Says in which file and line an error about a value of `table` (empty: the whole file) stands, by its
-    /// [key](Error::key). Where no such key is written, the line is that of the innermost table about it, and
-    /// where there is none either, the table is named instead.
+    /// Adds file and line to an error about a value of `table` (empty: the whole file), by its
+    /// [key](Error::key). Where no such key is written, the line is that of the innermost table around it,
+    /// and where there is none either, the table is named instead.
     pub fn locate(&self, table: &str, error: Error) -> Error {
         let key = error.key().unwrap_or_default();
         let steps = table.split('.').chain(key.split(['.', '['])).filter(|step| !step.is_empty());
@@ -73,7 +73,7 @@ impl TomlText {
         1 + self.text.bytes().take(byte).filter(|byte| *byte == b'\n').count() as u64
     }
 
-    /// Line of a key, or of the innermost table about it that is there.
+    /// Line of a key, or of the innermost existing table around it.
     fn line_of_key<'a>(&self, steps: impl Iterator<Item = &'a str>) -> Option<u64> {
         let root = DeValue::Table(DeTable::parse(&self.text).ok()?.into_inner());
         let (mut value, mut start) = (&root, None);

@@ -6,13 +6,13 @@ use crate::rt;
 use lightcast_core::image::{Frame, LatLongCentres, Pixels};
 
 /// Longest side that is read. The largest panoramas sold are 16384 x 8192, the largest fisheye sensors far
-/// smaller; a damaged header claims anything up to 2^32.
+/// smaller; a damaged header may claim anything up to 2^32.
 pub const MAX_SIDE_PX: usize = 16_384;
 
 /// Most pixels that are read: a panorama of 16384 x 8192, which is 1.6 GB as RGB floats.
 pub const MAX_PIXELS: usize = 1 << 27;
 
-/// What a file says beside its pixels.
+/// What a file holds besides its pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attributes {
     /// Frames per second, finite and > 0, where the file says so (OpenEXR `framesPerSecond`); 0 in a
@@ -25,8 +25,8 @@ pub struct Attributes {
 }
 
 /// Runs a decoder. Those of `exr` 1.74 and `image` 0.25 index and multiply with numbers from the file and
-/// panic on some damaged ones. One bad frame must not stop a run, so the panic ends here. Nothing of theirs
-/// outlives the call, and the frame is emptied after any error, so no half-made state is seen.
+/// panic on some damaged ones. One bad frame must not stop a run, so the panic ends here. None of their state
+/// outlives the call, and the frame is emptied after any error, so no partial state remains visible.
 pub(super) fn guarded<T>(frame: &mut Frame, decode: impl FnOnce(&mut Frame) -> Result<T>) -> Result<T> {
     let outcome = rt::contained(|| decode(frame)).unwrap_or_else(|cause| {
         Err(Error::bad_frame(format!("is damaged: its decoder gave up with `{cause}`")))
@@ -66,15 +66,15 @@ pub(super) fn resize<T: Copy + Default>(values: &mut Vec<T>, len: usize) {
     }
 }
 
-/// Turns bytes, which fill the first half of the codes' memory, into codes of the same values.
+/// Converts bytes, which fill the first half of the codes' memory, to codes of the same values.
 pub(super) fn widen(codes: &mut [u16]) {
-    // From the end: the codes written lie at or behind the bytes still to be read.
+    // This runs from the end, because each code is written at or after the bytes that are still to be read.
     for index in (0..codes.len()).rev() {
         codes[index] = u16::from(bytemuck::cast_slice::<u16, u8>(codes)[index]);
     }
 }
 
-/// Runs `decode` on the frame's radiance buffer, which is kept whatever comes out.
+/// Runs `decode` on the frame's radiance buffer, whose memory is kept whatever the outcome.
 pub(super) fn with_radiance<T>(
     frame: &mut Frame,
     decode: impl FnOnce(&mut Vec<f32>) -> Result<T>,
@@ -88,7 +88,7 @@ pub(super) fn with_radiance<T>(
     outcome
 }
 
-/// Runs `decode` on the frame's code buffer, which is kept whatever comes out.
+/// Runs `decode` on the frame's code buffer, whose memory is kept whatever the outcome.
 pub(super) fn with_codes<T>(frame: &mut Frame, decode: impl FnOnce(&mut Vec<u16>) -> Result<T>) -> Result<T> {
     if let Pixels::Codes(codes) = &mut frame.pixels {
         return decode(codes);
@@ -99,7 +99,7 @@ pub(super) fn with_codes<T>(frame: &mut Frame, decode: impl FnOnce(&mut Vec<u16>
     outcome
 }
 
-/// Checks that a picture to be written has the samples that its size says.
+/// Checks that a picture to be written has as many samples as its size requires.
 pub(super) fn check_samples(width: usize, height: usize, channels: usize, samples: usize) -> Result<()> {
     if width == 0 || height == 0 || !matches!(channels, 1 | 3 | 4) || samples != width * height * channels {
         return Err(Error::failed(format!(

@@ -1,7 +1,7 @@
 //! Reads a picture file of any kind.
 //!
 //! The kind is taken from the first bytes, never from the name, so that a PNG called `.exr` is read and a
-//! text called `.exr` is refused by what it is.
+//! text file called `.exr` is refused as what it is.
 
 use super::codec::{Attributes, guarded};
 use super::{jpeg, open_exr, png, radiance};
@@ -27,13 +27,13 @@ use std::path::Path;
 /// # Errors
 ///
 /// Of kind [`BadFrame`](crate::error::Kind::BadFrame), naming the file: missing, empty, truncated, damaged,
-/// of no known kind, of a kind or size that is not read. `frame` is then empty (0 x 0). No content of a file
-/// panics.
+/// of unknown kind, of a kind or size that is not supported. `frame` is then empty (0 x 0). No content of a
+/// file causes a panic.
 pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
     guarded(frame, |frame| read_by_kind(path, frame)).map_err(|error| error.at(path))
 }
 
-/// [`read`] of a file's bytes, which came another way.
+/// [`read`] for a file's bytes that are already in memory.
 ///
 /// # Errors
 /// Those of [`read`], without a name.
@@ -67,8 +67,8 @@ fn decode_by_kind(mut file: impl BufRead + Seek, bytes: u64, frame: &mut Frame) 
     }
 }
 
-/// What to tell somebody who gives a picture of this size as a lat-long panorama: nothing when it is twice as
-/// wide as high. Others are most likely fisheye pictures, mirror balls or cuts, of which no file says so.
+/// The warning for a picture of this size that is used as a lat-long panorama: `None` when it is twice as
+/// wide as high. Other pictures are most likely fisheye pictures, mirror balls or crops, but no file says so.
 pub fn lat_long_note(width: usize, height: usize) -> Option<String> {
     (width != 2 * height).then(|| {
         format!(
@@ -115,7 +115,7 @@ mod tests {
         let mut bytes = b"#?RADIANCE\n\n-Y 1 +X 9\n\x09\x09\x09\x80".to_vec();
         bytes.extend([1, 1, 1, 0].repeat(9));
         let error = failure("a.hdr", &bytes);
-        // Without overflow checks it reads on to the end.
+        // Without overflow checks the decoder reads on to the end.
         assert!(error.contains("gave up") || error.contains("complete?"), "{error}");
     }
 }

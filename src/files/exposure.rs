@@ -1,4 +1,4 @@
-//! What a photograph's EXIF data say about its exposure.
+//! The exposure that a photograph's EXIF data record.
 
 use crate::error::{Error, Result};
 use exif::{In, Reader, Tag, Value};
@@ -6,21 +6,22 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// How much light a photograph took.
+/// Exposure settings of a photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExposureSettings {
     /// Exposure time, finite and > 0. Cameras write nominal values: 13 s is most often 12.8 s, 1/2500 s
     /// 1/2560 s.
     pub time_s: f64,
-    /// Sensitivity (ISO 12232), where the file says it.
+    /// Sensitivity (ISO 12232), where the file records it.
     pub sensitivity_iso: Option<f64>,
-    /// Focal length over aperture, where the file says it.
+    /// Focal length over aperture diameter, where the file records it.
     pub f_number: Option<f64>,
 }
 
 impl ExposureSettings {
-    /// Signal of this exposure as a time at the sensitivity and the f-number of `reference`, in s: time times
-    /// sensitivity over the square of the f-number. What either does not say is taken as equal.
+    /// The exposure time in s that gives the same signal at the sensitivity and the f-number of `reference`;
+    /// the signal is proportional to time times sensitivity over the square of the f-number. A setting that
+    /// either file lacks is taken as equal in both.
     pub fn time_at(&self, reference: &Self) -> f64 {
         let ratio = |own: Option<f64>, other: Option<f64>| match (own, other) {
             (Some(own), Some(other)) => own / other,
@@ -39,7 +40,7 @@ impl ExposureSettings {
 pub fn exposure_settings(path: &Path) -> Result<Option<ExposureSettings>> {
     let file =
         File::open(path).map_err(|error| Error::bad_frame("cannot be opened").because(error).at(path))?;
-    // Data that cannot be understood are as good as none: the picture is still a picture.
+    // Data that cannot be parsed count as missing: the picture itself can still be used.
     let Ok(data) = Reader::new().read_from_container(&mut BufReader::new(file)) else { return Ok(None) };
     let number = |tag: Tag| -> Option<f64> {
         let value = match &data.get_field(tag, In::PRIMARY)?.value {
@@ -79,7 +80,7 @@ mod tests {
         std::fs::write(&path, &bytes).unwrap();
         let expected = ExposureSettings { time_s: 0.004, sensitivity_iso: None, f_number: None };
         assert_eq!(exposure_settings(&path).unwrap(), Some(expected));
-        // A time of 1/0 and a text say nothing.
+        // A time of 1/0 and a text count as missing.
         bytes[48] = 0;
         std::fs::write(&path, &bytes).unwrap();
         assert_eq!(exposure_settings(&path).unwrap(), None);

@@ -1,4 +1,4 @@
-//! JPEG pictures of ordinary cameras: codes of 8 bits, which a response turns into radiance.
+//! JPEG pictures of ordinary cameras: codes of 8 bits, which a response maps to radiance.
 
 use super::codec::{Attributes, check_size, guarded, resize, widen, with_codes};
 use crate::error::{Error, Result};
@@ -10,7 +10,8 @@ use std::io::{Cursor, Read};
 /// Largest file that is read; cameras of 100 megapixels write 60 MB.
 const MAX_FILE_BYTES: u64 = 1 << 28;
 
-/// A block of 64 samples takes at least a bit, and a byte of colour stands for up to 4 pixels' bytes.
+/// A block of 64 samples takes at least one bit, and a subsampled chroma byte expands to those of up to 4
+/// pixels.
 const MAX_INFLATION: u64 = 2048;
 
 /// Decodes a JPEG picture, such as one frame of an MJPEG camera, into codes from 0 to 255: 1 channel for
@@ -20,7 +21,7 @@ const MAX_INFLATION: u64 = 2048;
 /// # Errors
 ///
 /// Of kind [`BadFrame`](crate::error::Kind::BadFrame): truncated, damaged, CMYK, or of a size that is not
-/// read. `frame` is then empty (0 x 0). No content panics.
+/// supported. `frame` is then empty (0 x 0). No content causes a panic.
 pub fn decode_jpeg(bytes: &[u8], frame: &mut Frame) -> Result<()> {
     guarded(frame, |frame| decode(bytes, frame))
 }

@@ -1,5 +1,5 @@
 //! Picture files: any kind is read ([`read`], in memory [`decode_exr`] and [`decode_jpeg`]), OpenEXR and PNG
-//! are written ([`write_exr`], [`write_png16`], [`write_png8`]), and EXIF data tell the exposure
+//! are written ([`write_exr`], [`write_png16`], [`write_png8`]), and the exposure is read from EXIF data
 //! ([`exposure_settings`]).
 
 mod codec;

@@ -1,9 +1,9 @@
-//! OpenEXR pictures in: half, float and uint channels, scan lines or tiles, full resolution.
+//! Reading OpenEXR pictures: half, float and uint channels, scan lines or tiles, full resolution.
 //!
-//! - The data window is the picture; where it lies in the display window is not looked at.
-//! - Of a file with several parts the first with channels named exactly `R`, `G` and `B` is taken, else the
+//! - The data window is the picture; its position in the display window is ignored.
+//! - In a file with several parts the first with channels named exactly `R`, `G` and `B` is taken, else the
 //!   first with `Y`. Names with a layer in front (`diffuse.R`), alpha and everything else are left out.
-//! - Of mip maps and rip maps only the full resolution is read.
+//! - Only the full resolution of mip maps and rip maps is read.
 //! - Files that `lightcast` recorded hold sensor codes as uint channels; the attributes of [`attribute`] say
 //!   so.
 //! - Refused: deep data, luminance/chroma (`Y`, `RY`, `BY`) and other subsampled channels, cube maps.
@@ -28,8 +28,8 @@ use exr::prelude::{MetaData, f16};
 use lightcast_core::image::{Bayer, Frame, LatLongCentres};
 use std::io::{Cursor, Read, Seek};
 
-/// Bytes of one block (a tile, or up to 256 scan lines) that are decoded at once; the widest scan-line block
-/// of three float channels takes 50 MB.
+/// Most bytes of one block (a tile, or up to 256 scan lines), which is decoded at once; the widest scan-line
+/// block of three float channels takes 50 MB.
 const MAX_BLOCK_BYTES: usize = 1 << 30;
 
 /// What to take from a file, decided from its header alone.
@@ -38,7 +38,7 @@ struct Plan {
     width: usize,
     height: usize,
     channels: usize,
-    /// For every channel of the part its place in a pixel of the frame.
+    /// For every channel of the part, its index in a pixel of the frame.
     places: Vec<Option<usize>>,
     /// Width and height of a full block.
     block: (usize, usize),
@@ -52,7 +52,7 @@ struct Plan {
 ///
 /// # Errors
 /// Of kind [`BadFrame`](crate::error::Kind::BadFrame), as those of [`read`](super::read). `frame` is then
-/// empty (0 x 0). No content panics.
+/// empty (0 x 0). No content causes a panic.
 pub fn decode_exr(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
     frame.saturation = f32::INFINITY;
     guarded(frame, |frame| read(Cursor::new(bytes), bytes.len() as u64, frame))
@@ -92,7 +92,7 @@ fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
         check_part(header)?;
         chunks = chunks.saturating_add(header.chunk_count as u64);
     }
-    // Every block has eight bytes in the offset table and at least eight of its own.
+    // Every block takes eight bytes in the offset table and at least eight bytes of data.
     if chunks.saturating_mul(16) > file_bytes {
         return Err(Error::bad_frame(format!(
             "is truncated or damaged: {file_bytes} bytes cannot hold the {chunks} blocks that its header promises"
@@ -125,7 +125,7 @@ fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
             .collect(),
         block: (block.0, block.1),
         attributes: Attributes {
-            // 0/1 and 1/0 are found in the wild where a program knew no rate.
+            // Files contain 0/1 and 1/0 where the program that wrote them did not know a rate.
             frame_rate_hz: recorded
                 .frame_rate_hz
                 .or(frame_rate_hz.filter(|rate| rate.is_finite() && *rate > 0.0)),
@@ -149,7 +149,8 @@ fn check_part(header: &Header) -> Result<()> {
             names(&header.channels)
         )));
     }
-    // A tile may be larger than a small picture, but not by orders: memory for it is claimed on its own word.
+    // A tile may be larger than a small picture, but not by orders of magnitude, because its claimed size
+    // determines how much memory is allocated.
     let block = header.max_block_pixel_size();
     let block_pixels = block.0.checked_mul(block.1);
     let bytes = block_pixels.and_then(|pixels| pixels.checked_mul(header.channels.bytes_per_pixel));
@@ -191,10 +192,10 @@ fn names(channels: &ChannelList) -> String {
     names.join(", ")
 }
 
-/// What samples of a file become.
+/// What samples of a file are converted to.
 trait Sample: Copy + Default {
     fn from_float(value: f32) -> Self;
-    /// `None`: no such code.
+    /// `None`: not a valid code.
     fn from_whole(value: u32) -> Option<Self>;
 }
 
@@ -208,7 +209,7 @@ impl Sample for f32 {
     }
 }
 
-/// Codes are whole: [`attribute::read`] refuses other channels for them.
+/// Codes are integers: [`attribute::read`] refuses other channel types for them.
 impl Sample for u16 {
     fn from_float(_: f32) -> Self {
         0
@@ -234,10 +235,10 @@ fn decode<T: Sample>(
         check_dwa_counters(&chunk, header)?;
         let block = UncompressedBlock::decompress_chunk(chunk, meta, false).map_err(damaged)?;
         if number == 0 {
-            // Not before one block has proved the header right.
+            // Nothing is allocated before one block has confirmed the header.
             resize(values, samples);
         }
-        // The offset table may lead to any block: each must come once, or old pixels would show through.
+        // The offset table may point to any block: each must occur exactly once, or old pixels would remain.
         let (x, y) = (block.index.pixel_position.0, block.index.pixel_position.1);
         let expected = block.index.layer == plan.part && (block.index.level.0, block.index.level.1) == (0, 0);
         let slot = missing.get_mut(y / plan.block.1 * block_columns + x / plan.block.0);
@@ -277,10 +278,10 @@ fn decode<T: Sample>(
 
 /// Refuses DWA blocks whose counters claim more than their pixels can need.
 ///
-/// `exr` 1.74 allocates what the counters say; an absurd one would end the process, which nothing can catch.
-/// The counters are u64, little endian: version, then the sizes of unknown (unpacked), unknown, AC, DC, RLE,
-/// RLE (inflated) and RLE (raw) data in bytes, then the counts of AC and DC values of two bytes. Lossless
-/// data grows to at most twice its size as RLE tokens, and every pixel has at most one coefficient.
+/// `exr` 1.74 allocates what the counters say; an absurd value would abort the process, which cannot be
+/// caught. The counters are u64, little endian: version, then the sizes of unknown (unpacked), unknown, AC,
+/// DC, RLE, RLE (inflated) and RLE (raw) data in bytes, then the counts of AC and DC values of two bytes.
+/// Lossless data grows to at most twice its size as RLE tokens, and every pixel has at most one coefficient.
 fn check_dwa_counters(chunk: &Chunk, header: &Header) -> Result<()> {
     if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Photographs as 8-bit grey, for what looks for shapes and not for radiance.
+//! Photographs as 8-bit grey, for detectors that look for shapes and not for radiance.
 
 use super::dispatch::read;
 use crate::error::{Error, Result};
@@ -16,13 +16,13 @@ pub struct GreyPicture {
     pub values: Vec<u8>,
 }
 
-/// Shares of the pixels that may become black and white when 16 bits are scaled to 8: a lamp in the picture
-/// is a thousand times brighter than what is to be seen.
+/// Fractions of the pixels that may become black and white when 16 bits are scaled to 8: a lamp in the
+/// picture can be a thousand times brighter than the objects of interest.
 const BLACK_SHARE: f64 = 0.01;
 const WHITE_SHARE: f64 = 0.05;
 
-/// Reads a picture of codes: PNG, JPEG, or a frame of a recording. Colours become luma; what has more than 8
-/// bits is stretched, so that 1 % of the pixels are black and 5 % white.
+/// Reads a picture of codes: PNG, JPEG, or a frame of a recording. Colours become luma; pictures of more than
+/// 8 bits are stretched so that 1 % of the pixels are black and 5 % white.
 ///
 /// # Errors
 ///
@@ -49,7 +49,7 @@ pub fn read_grey(path: &Path) -> Result<GreyPicture> {
     Ok(GreyPicture { width, height, values })
 }
 
-/// 16 bits to 8; a picture of one value becomes black.
+/// Scales 16 bits to 8; a picture of one value becomes black.
 fn stretched(values: &[u16]) -> Vec<u8> {
     let mut sorted = values.to_vec();
     let mut at = |share: f64| {
@@ -58,7 +58,7 @@ fn stretched(values: &[u16]) -> Vec<u8> {
     };
     let (black, white) = (at(BLACK_SHARE), at(1.0 - WHITE_SHARE));
     let scale = if white > black { 255.0 / (white - black) } else { 0.0 };
-    // `as` keeps to 0 ... 255.
+    // `as` saturates to 0 ... 255.
     values.iter().map(|&value| ((f64::from(value) - black) * scale).round() as u8).collect()
 }
 

@@ -1,5 +1,5 @@
-//! PNG pictures: 16 bits are sensor codes, in and out; 8 bits are codes of an ordinary camera, in, and
-//! pictures for people, out.
+//! PNG pictures: 16 bits are sensor codes, read and written; 8 bits are codes of an ordinary camera when
+//! read, and pictures for display when written.
 
 use super::codec::{Attributes, check_samples, check_size, resize, widen, with_codes};
 use super::replace::replace_file;
@@ -10,10 +10,10 @@ use lightcast_core::image::{Frame, Pixels};
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
 
-/// Memory that the decoder may take for itself beside the pixels: rows, palettes, texts, colour profiles.
+/// Memory that the decoder may allocate besides the pixels: rows, palettes, texts, colour profiles.
 const DECODER_BYTES: u64 = 1 << 26;
 
-/// Deflate gives at most 1032 bytes out for one in (258 bytes for two bits, RFC 1951).
+/// Deflate expands one byte to at most 1032 bytes (258 bytes for two bits, RFC 1951).
 const MAX_INFLATION: u64 = 1032;
 
 /// Reads the picture behind `source`, which is `file_bytes` long, into `frame` as codes.
@@ -56,12 +56,12 @@ fn damaged(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error 
     Error::bad_frame("cannot be decoded as PNG; is it complete?").because(error)
 }
 
-/// Writes sensor codes as a 16-bit PNG, grey or RGB. The same frame gives the same bytes each time.
+/// Writes sensor codes as a 16-bit PNG, grey or RGB. The same frame always produces the same bytes.
 ///
 /// # Errors
 ///
-/// A frame of radiance (that goes into [`write_exr`](super::write_exr)) or of the wrong length, a file that
-/// cannot be written.
+/// A frame of radiance (for which there is [`write_exr`](super::write_exr)) or of the wrong length, a file
+/// that cannot be written.
 pub fn write_png16(path: &Path, frame: &Frame) -> Result<()> {
     let Pixels::Codes(codes) = &frame.pixels else {
         return Err(Error::failed("holds radiance, which is written as OpenEXR").at(path));
@@ -77,7 +77,7 @@ pub fn write_png16(path: &Path, frame: &Frame) -> Result<()> {
     })
 }
 
-/// Writes a picture for people: `width * height` pixels of three bytes, sRGB, row-major.
+/// Writes a picture for display: `width * height` pixels of three bytes, sRGB, row-major.
 ///
 /// # Errors
 ///
@@ -89,7 +89,7 @@ pub fn write_png8(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Resul
     })
 }
 
-/// [`write_png8`] with alpha: four bytes a pixel, colours not multiplied by the last.
+/// [`write_png8`] with alpha: four bytes per pixel, colours not premultiplied by alpha.
 ///
 /// # Errors
 ///

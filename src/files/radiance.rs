@@ -1,8 +1,8 @@
-//! Radiance pictures (`.hdr`, `.pic`) in: RGBE, flat or run-length coded, as `image` decodes them.
+//! Reading Radiance pictures (`.hdr`, `.pic`): RGBE, flat or run-length coded, as `image` decodes them.
 //!
 //! Every `EXPOSURE=` and `COLORCORR=` line of the header has multiplied the pixels; dividing by the product
-//! of all of them gives radiance back. Mantissas stand for themselves, without the half step that Radiance's
-//! own tools add: the figures that we compare with were made so, and it is what OpenCV and stb do.
+//! of all of them recovers radiance. Mantissas are taken as they are, without the half step that Radiance's
+//! own tools add: OpenCV and stb do the same, and the figures that we compare with were made in this way.
 
 use super::codec::{Attributes, check_size, resize, with_radiance};
 use crate::error::{Error, Place, Result};
@@ -23,7 +23,7 @@ pub(super) fn read(source: &mut impl BufRead, frame: &mut Frame) -> Result<Attri
     };
     let divisors = divisors(&String::from_utf8_lossy(&head[..end]))?;
 
-    // Not the strict form: it knows `#?RADIANCE` only, and many files begin with `#?RGBE`.
+    // The strict form accepts `#?RADIANCE` only, but many files begin with `#?RGBE`.
     let decoder = HdrDecoder::new_nonstrict(source).map_err(damaged)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);

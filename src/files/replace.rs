@@ -3,8 +3,8 @@ use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// Writes a file under a temporary, hidden name and renames it when it is complete, so that nobody sees half
-/// a file and a failed write leaves the old one.
+/// Writes a file under a temporary, hidden name and renames it when it is complete, so that no reader sees a
+/// partial file and a failed write leaves the old one.
 ///
 /// # Errors
 /// Those of `write`, and `Failed` when the file cannot be written; both name it.

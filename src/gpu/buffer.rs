@@ -3,18 +3,18 @@ use crate::error::{Error, Result};
 use bytemuck::{AnyBitPattern, NoUninit};
 use std::marker::PhantomData;
 
-/// A storage or uniform buffer of `T` that is written from the CPU and grows when it must.
+/// A storage or uniform buffer of `T` that is written from the CPU and grows as needed.
 pub struct Array<T> {
     buffer: wgpu::Buffer,
     usage: wgpu::BufferUsages,
     label: &'static str,
-    /// Rises with every new buffer: bind groups that hold the old one must be made anew.
+    /// Increases with every new buffer: bind groups that hold the old one must be recreated.
     generation: u64,
     elements: PhantomData<T>,
 }
 
 impl<T: NoUninit> Array<T> {
-    /// Room for `capacity` (at least one) elements, zeroed.
+    /// A buffer for `capacity` (at least one) elements, zeroed.
     pub fn new(gpu: &Gpu, label: &'static str, usage: wgpu::BufferUsages, capacity: usize) -> Self {
         let usage = usage | wgpu::BufferUsages::COPY_DST;
         Self {
@@ -35,7 +35,7 @@ impl<T: NoUninit> Array<T> {
         })
     }
 
-    /// Makes room for `capacity` elements; what was in the buffer may be lost.
+    /// Grows the buffer to `capacity` elements if needed; its contents may be lost.
     pub fn reserve(&mut self, gpu: &Gpu, capacity: usize) {
         if self.buffer.size() < (capacity * size_of::<T>()) as u64 {
             self.buffer = Self::make(gpu, self.label, self.usage, capacity.next_power_of_two());
@@ -43,8 +43,8 @@ impl<T: NoUninit> Array<T> {
         }
     }
 
-    /// Replaces the first elements, with more room if needed. The write is in order with what was and will be
-    /// submitted.
+    /// Replaces the first elements, growing the buffer if needed. The write is ordered with earlier and later
+    /// submissions.
     pub fn write(&mut self, gpu: &Gpu, elements: &[T]) {
         self.reserve(gpu, elements.len());
         if !elements.is_empty() {
@@ -52,7 +52,7 @@ impl<T: NoUninit> Array<T> {
         }
     }
 
-    /// The buffer as it is now.
+    /// The current buffer.
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
     }
@@ -68,7 +68,7 @@ impl<T: NoUninit> Array<T> {
     }
 }
 
-/// Reads the first `count` elements of a buffer (usage `COPY_SRC`) once all that was submitted is done.
+/// Reads the first `count` elements of a buffer (usage `COPY_SRC`) after all submitted work is done.
 ///
 /// # Errors
 /// As [`Gpu::check`].
@@ -89,8 +89,7 @@ pub fn read_buffer<T: NoUninit + AnyBitPattern>(
     })
 }
 
-/// Reads a 2D texture (usage `COPY_SRC`) of texels of type `T`, row-major, once all that was submitted is
-/// done.
+/// Reads a 2D texture (usage `COPY_SRC`) of texels of type `T`, row-major, after all submitted work is done.
 ///
 /// # Errors
 /// As [`Gpu::check`].
@@ -130,7 +129,7 @@ fn staging(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
 }
 
 fn read_mapped(gpu: &Gpu, staging: &wgpu::Buffer, take: impl FnOnce(&[u8])) -> Result<()> {
-    // Whether mapping worked is asked of the range below.
+    // Whether mapping succeeded is found from the range below.
     staging.map_async(wgpu::MapMode::Read, .., |_| ());
     gpu.wait()?;
     let failed = |error| Error::failed("results cannot be read from the graphics device").because(error);

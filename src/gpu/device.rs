@@ -7,13 +7,13 @@ pub enum Backend {
     /// Vulkan; a software adapter (lavapipe) serves where there is no GPU.
     #[default]
     Vulkan,
-    /// OpenGL ES, only when asked for by name: some of its drivers lack what the renderer needs and do not
-    /// say so.
+    /// OpenGL ES, only when requested by name: some of its drivers lack features that the renderer needs and
+    /// do not report it.
     Gl,
 }
 
-/// An open device and its queue. Faults that the driver reports later (validation, memory, a lost device) are
-/// kept, and [`check`](Self::check) tells the first.
+/// An open device and its queue. Errors that the driver reports asynchronously (validation, memory, a lost
+/// device) are kept, and [`check`](Self::check) returns the first.
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
@@ -21,7 +21,7 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// Name, driver and kind of the adapter.
     pub info: wgpu::AdapterInfo,
-    /// `None` for the device that computes nothing.
+    /// `None` for the noop device.
     adapter: Option<wgpu::Adapter>,
     fault: Fault,
 }
@@ -30,7 +30,7 @@ pub struct Gpu {
 struct Fault(Arc<Mutex<Option<String>>>);
 
 impl Fault {
-    /// Keeps the first fault: the others follow from it.
+    /// Keeps the first error, from which later ones usually follow.
     fn set(&self, message: String) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
     }
@@ -52,7 +52,7 @@ const fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
 }
 
 impl Gpu {
-    /// An instance to make surfaces with before [`Self::open`].
+    /// An instance, with which surfaces are created before [`Self::open`].
     pub fn instance(backend: Backend) -> wgpu::Instance {
         let backends = match backend {
             Backend::Vulkan => wgpu::Backends::VULKAN,
@@ -86,8 +86,8 @@ impl Gpu {
             )
             .because(error)
         })?;
-        // Timestamps are a measure, not a need. The rest is what WebGPU promises everywhere, with the
-        // adapter's own limits: large scenes and atlases need more than the promised ones.
+        // Timestamps are only for measurement and optional. Everything else is guaranteed by WebGPU, except
+        // that the limits are the adapter's own: large scenes and atlases need more than the guaranteed ones.
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("lightcast"),
             required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
@@ -100,8 +100,8 @@ impl Gpu {
         Ok(Self { adapter: Some(adapter), ..Self::new(device, queue, info) })
     }
 
-    /// A device that accepts everything that is valid and computes nothing: layouts and bindings can be
-    /// tested where there is no driver.
+    /// A device that validates everything and computes nothing: layouts and bindings can be tested without a
+    /// driver.
     pub fn noop() -> Self {
         let (device, queue) = wgpu::Device::noop(&wgpu::DeviceDescriptor::default());
         let info = device.adapter_info();
@@ -121,10 +121,10 @@ impl Gpu {
         Self { device, queue, info, adapter: None, fault }
     }
 
-    /// The format of 8 bits that code as sRGB in which `surface` takes pictures from this device.
+    /// The 8-bit sRGB format that `surface` supports with this device.
     ///
     /// # Errors
-    /// When it takes none.
+    /// When it supports none.
     pub fn surface_format(&self, surface: &wgpu::Surface) -> Result<wgpu::TextureFormat> {
         use wgpu::TextureFormat::{Bgra8UnormSrgb, Rgba8UnormSrgb};
         let formats = self.adapter.as_ref().map(|adapter| surface.get_capabilities(adapter).formats);
@@ -135,10 +135,10 @@ impl Gpu {
         })
     }
 
-    /// Whether the driver has reported nothing wrong so far.
+    /// Checks that the driver has reported no error so far.
     ///
     /// # Errors
-    /// The first fault: a lost device, memory that ran out, a wrong call.
+    /// The first error: a lost device, out of memory, an invalid call.
     pub fn check(&self) -> Result<()> {
         match self.fault.get() {
             Some(message) => Err(Error::failed(message).at(&self.info.name)),
@@ -146,7 +146,7 @@ impl Gpu {
         }
     }
 
-    /// Waits until everything that was submitted is done.
+    /// Waits until all submitted work is done.
     ///
     /// # Errors
     /// As [`check`](Self::check).
@@ -157,7 +157,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// A shader module; several sources are joined into one, WGSL has no includes.
+    /// A shader module; several sources are concatenated, since WGSL has no includes.
     pub fn shader(&self, label: &str, sources: &[&str]) -> wgpu::ShaderModule {
         self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(label),
@@ -165,8 +165,8 @@ impl Gpu {
         })
     }
 
-    /// A pipeline that draws triangles without vertex buffers, by the entry points `vertex` and `fragment`, to one
-    /// target of `format`; its bindings are as the shader declares them.
+    /// A pipeline that draws triangles without vertex buffers, with the entry points `vertex` and `fragment`,
+    /// to one target of `format`; its bindings are derived from the shader.
     pub fn screen_pipeline(
         &self,
         label: &str,
@@ -197,8 +197,8 @@ impl Gpu {
         })
     }
 
-    /// A compute pipeline with the one entry point `main`; without a `layout` its bindings are as the shader
-    /// declares them.
+    /// A compute pipeline with the one entry point `main`; without a `layout` its bindings are derived from
+    /// the shader.
     pub fn compute_pipeline(
         &self,
         label: &str,
@@ -237,7 +237,7 @@ impl Gpu {
             .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
     }
 
-    /// A pipeline's layout of these groups, the first group 0.
+    /// A pipeline layout with these groups, starting with group 0.
     pub fn pipeline_layout(&self, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
         let groups: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().copied().map(Some).collect();
         self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -263,7 +263,7 @@ impl Gpu {
 
 #[cfg(test)]
 impl Gpu {
-    /// The adapter for a test, or `None` after saying that the test is skipped.
+    /// The adapter for a test, or `None` after reporting that the test is skipped.
     pub(crate) fn for_test() -> Option<Self> {
         match Self::open(&Self::instance(Backend::Vulkan), None) {
             Ok(gpu) => Some(gpu),

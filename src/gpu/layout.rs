@@ -1,6 +1,6 @@
-//! Compares Rust structs with what naga reads from WGSL.
+//! Compares the layout of Rust structs with that of WGSL structs as parsed by naga.
 
-/// Where a member lies: its name and its byte offset.
+/// A struct member: its name and its byte offset.
 pub(crate) type Member = (&'static str, usize);
 
 /// Fails unless the WGSL struct `name` has exactly these members in this order and this size.
@@ -31,8 +31,8 @@ macro_rules! members {
 }
 pub(crate) use members;
 
-/// Fails unless the source is valid WGSL with the capabilities that WebGPU has everywhere (packing halves is
-/// one).
+/// Fails unless the source is valid WGSL with the capabilities that WebGPU guarantees (including packing of
+/// half floats).
 pub(crate) fn assert_valid(label: &str, source: &str) {
     let module = naga::front::wgsl::parse_str(source)
         .unwrap_or_else(|e| panic!("{label}: {}", e.emit_to_string(source)));

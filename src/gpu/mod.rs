@@ -1,8 +1,8 @@
 //! The GPU: choosing a device, reading results back, timing passes.
 //!
-//! Nothing here knows what is drawn. A pass (room `render`) makes its own pipelines and structs; a pipeline
-//! takes its bind group layouts from the shader, so that each binding is written down once, unless it shares
-//! bind groups.
+//! Nothing here depends on what is drawn. A pass (room `render`) creates its own pipelines and structs; a
+//! pipeline derives its bind group layouts from the shader, so that each binding is declared only once,
+//! unless it shares bind groups.
 
 mod buffer;
 mod device;

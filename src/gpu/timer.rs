@@ -1,13 +1,13 @@
 use super::{Gpu, read_buffer};
 use crate::error::Result;
 
-/// Times of passes in nanoseconds, in the order in which they were asked for.
+/// Times of passes in nanoseconds, in the order in which they were requested.
 pub type PassTimes = Vec<(&'static str, u64)>;
 
-/// Measures passes on the GPU by timestamp queries. Without that feature it measures nothing.
+/// Measures passes on the GPU with timestamp queries. On a device without them it measures nothing.
 ///
-/// Mesa's lavapipe 22.3 writes compute timestamps when the commands are recorded, not when they run; compare
-/// with the time of the whole frame there.
+/// Mesa's lavapipe 22.3 writes compute timestamps when the commands are recorded, not when they run; use the
+/// time of the whole frame as a check there.
 pub struct Timer {
     queries: Option<Queries>,
     names: Vec<&'static str>,
@@ -19,7 +19,7 @@ struct Queries {
     period_ns: f32,
 }
 
-/// Passes that one frame can have measured.
+/// Most passes that are measured in one frame.
 const PASSES: u32 = 64;
 
 impl Timer {
@@ -49,7 +49,7 @@ impl Timer {
         Some((&queries.set, 2 * index))
     }
 
-    /// For the descriptor of a compute pass called `name`.
+    /// Timestamp writes for the descriptor of a compute pass called `name`.
     pub fn compute(&mut self, name: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         self.next(name).map(|(query_set, index)| wgpu::ComputePassTimestampWrites {
             query_set,
@@ -58,7 +58,7 @@ impl Timer {
         })
     }
 
-    /// For the descriptor of a render pass called `name`.
+    /// Timestamp writes for the descriptor of a render pass called `name`.
     pub fn render(&mut self, name: &'static str) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
         self.next(name).map(|(query_set, index)| wgpu::RenderPassTimestampWrites {
             query_set,
@@ -74,7 +74,8 @@ impl Timer {
         }
     }
 
-    /// Waits for the frame and starts the next one: time of every pass, passes of one name added up.
+    /// Waits for the frame and starts the next one. Returns the time of every pass, summed over passes of the
+    /// same name.
     ///
     /// # Errors
     /// As [`Gpu::check`].

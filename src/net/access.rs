@@ -1,12 +1,12 @@
-//! Who gets in: the names that the server goes by, the pages that may ask, the token.
+//! Access control: the names of the server, the origins of the pages that may connect, the token.
 
 use super::ServerOptions;
 use axum::http::header::{AUTHORIZATION, HOST, ORIGIN, SEC_WEBSOCKET_PROTOCOL};
 use axum::http::{HeaderMap, StatusCode};
 use std::net::IpAddr;
 
-/// What a browser puts in front of a token where it names the subprotocols of a WebSocket, the one place
-/// where it lets a page put anything.
+/// Prefix of a token that a page passes as a subprotocol of a WebSocket, the only header that a browser lets
+/// a page set.
 const TOKEN_PROTOCOL: &str = "lightcast.token.";
 
 /// Why a request is refused.
@@ -15,9 +15,9 @@ pub(super) enum Refusal {
     /// It was sent to another name than the server's: a page has made its own name point here (DNS
     /// rebinding).
     Host,
-    /// A page of somebody else sent it.
+    /// A page from another site sent it.
     Origin,
-    /// It shows no token, or a wrong one.
+    /// It has no token, or a wrong one.
     Token,
 }
 
@@ -29,7 +29,7 @@ impl Refusal {
         }
     }
 
-    /// What to tell the client.
+    /// The message to the client.
     pub fn reason(self) -> &'static str {
         match self {
             Self::Host => {
@@ -43,30 +43,30 @@ impl Refusal {
     }
 }
 
-/// What a server goes by.
+/// The names of a server.
 #[derive(Debug)]
 pub(super) struct Names {
-    /// The host that it was told to listen on.
+    /// The host that it listens on.
     host: String,
     is_loopback: bool,
 }
 
 impl Names {
-    /// For a server that was told to listen on `address`, HOST:PORT.
+    /// For a server that listens on `address`, HOST:PORT.
     pub fn new(address: &str, is_loopback: bool) -> Self {
         Self { host: name_of(address).to_owned(), is_loopback }
     }
 
-    /// Addresses are nobody's to give away; names are, so that one may point here that another's page is
-    /// loaded from.
+    /// An IP address cannot be redirected; a name can, so the name from which a stranger's page was loaded
+    /// may point here.
     fn have(&self, name: &str) -> bool {
         let number = name.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(name);
         name == "localhost" || name.eq_ignore_ascii_case(&self.host) || number.parse::<IpAddr>().is_ok()
     }
 }
 
-/// Checks a request. A server that is for this machine only, or that asks for no token, must be called by a
-/// name of its own.
+/// Checks a request. A server that is for this machine only, or that asks for no token, must be addressed by
+/// one of its own names.
 pub(super) fn check(
     headers: &HeaderMap,
     options: &ServerOptions,
@@ -80,7 +80,7 @@ pub(super) fn check(
     if (names.is_loopback || options.token.is_none()) && !is_known() {
         return Err(Refusal::Host);
     }
-    // Programs send none; browsers always do where it matters.
+    // Programs do not send an origin; browsers always do where it matters.
     if let Some(origin) = text(ORIGIN)
         && host_of(origin) != Some(host)
         && !options.origins.iter().any(|allowed| allowed == origin)

@@ -13,16 +13,16 @@ use std::time::Instant;
 use tokio::sync::watch;
 
 /// Forms of one list that clients can choose freely: they mostly ask for a few round numbers. Once there are
-/// so many, others get a power of two.
+/// this many, others get a power of two.
 const FORMS_MAX: usize = 16;
 
-/// Where the service puts what clients may want: the newest lists, the newest map, what its stages have done.
-/// Posting waits for nobody; a service that is started anew goes on posting on the same board.
+/// Where the service puts data for clients: the newest lists, the newest map, the metrics of its stages.
+/// Posting never blocks; a restarted service continues to post on the same board.
 pub struct Board {
     lists: Mutex<Lists>,
-    /// Number of the next post, for those who wait for it.
+    /// Number of the next post, for tasks that wait for it.
     next_number: watch::Sender<u64>,
-    /// The newest map, and how many there were before.
+    /// The newest map, and the number of maps before it.
     map: Mutex<Option<(u64, PolarMap)>>,
     shortener: Mutex<Shortener>,
     pub(super) stages: Arc<Stages>,
@@ -37,16 +37,16 @@ struct Lists {
 /// A list on the board.
 #[derive(Default)]
 pub(super) struct Post {
-    /// How many were posted before it.
+    /// Number of lists posted before it.
     pub number: u64,
     pub list: LightList,
-    /// What the errors of its prefixes are measured against.
+    /// The reference for the errors of its prefixes.
     reference_irradiance: Vec<f32>,
     pub capture_monotonic_ns: Option<i64>,
     forms: Mutex<Vec<Form>>,
 }
 
-/// A list as clients get it, without what is each client's own.
+/// A list as clients get it, without the part that differs between clients.
 struct Form {
     is_binary: bool,
     light_count: usize,
@@ -78,7 +78,7 @@ impl Default for Board {
 }
 
 impl Board {
-    /// Puts a copy of a list up; its capture time is as `epoch` says.
+    /// Posts a copy of a list; `epoch` relates its capture time to the clock.
     pub fn post(&self, referenced: &ReferencedList, epoch: &CaptureEpoch) {
         let ReferencedList { list, reference_irradiance } = referenced;
         let capture_monotonic_ns = epoch.monotonic_ns(list.stamp.capture_time_ns);
@@ -86,7 +86,7 @@ impl Board {
             let mut lists = lock(&self.lists);
             let number = lists.posts.back().map_or(0, |newest| newest.number + 1);
             let oldest = if lists.posts.len() < QUEUE_MAX as usize { None } else { lists.posts.pop_front() };
-            // Nobody is sending it any more, as a rule, and its memory serves again.
+            // As a rule it is no longer being sent, and its memory is reused.
             let mut slot = oldest.filter(|post| Arc::strong_count(post) == 1).unwrap_or_default();
             let post = Arc::get_mut(&mut slot).expect("the board alone has it");
             post.number = number;
@@ -100,7 +100,7 @@ impl Board {
         self.next_number.send_modify(|number| *number += 1);
     }
 
-    /// Puts a copy of `map` up in place of the last one.
+    /// Posts a copy of `map` in place of the last one.
     pub fn post_map(&self, map: &PolarMap) {
         let mut kept = lock(&self.map);
         match &mut *kept {
@@ -113,12 +113,12 @@ impl Board {
         }
     }
 
-    /// Shows what these stages do, in place of those before.
+    /// Shows the metrics of these stages, in place of the earlier ones.
     pub fn show_stages(&self, stages: Vec<Arc<Metrics>>) {
         self.stages.replace(stages);
     }
 
-    /// Lets a caller know of every post from now on, and the number of the next.
+    /// Notifies the caller of every post from now on, with the number of the next.
     pub(super) fn posts(&self) -> watch::Receiver<u64> {
         self.next_number.subscribe()
     }
@@ -134,19 +134,19 @@ impl Board {
         lists.posts.back().cloned().zip(lists.posted_at)
     }
 
-    /// How many maps there were before the newest.
+    /// Number of maps before the newest.
     pub(super) fn map_number(&self) -> Option<u64> {
         lock(&self.map).as_ref().map(|(number, _)| *number)
     }
 
-    /// A copy of the newest map, and how many there were before.
+    /// A copy of the newest map, and the number of maps before it.
     pub(super) fn map(&self) -> Option<(u64, PolarMap)> {
         lock(&self.map).clone()
     }
 
-    /// The list of `post` as `subscription` wants it: what `wire` calls its body. It is worked out once for
-    /// all clients that want the same; where they want too many different ones, some get fewer lights. `None`
-    /// where it cannot be encoded, which is told once.
+    /// The list of `post` as `subscription` wants it, encoded as what `wire` calls its body. It is computed
+    /// once for all clients that want the same; where they want too many different ones, some get fewer
+    /// lights. `None` where it cannot be encoded, which is logged once.
     pub(super) fn body(&self, post: &Post, subscription: &Subscription, is_binary: bool) -> Option<Bytes> {
         let mut light_count = subscription.light_count(&post.list);
         let mut forms = lock(&post.forms);
@@ -211,8 +211,8 @@ fn encode(list: &LightList, is_binary: bool, body: &mut Vec<u8>) -> Result<()> {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Whoever panicked here has left sound values: every change is a few assignments, and the panic ends the
-    // service.
+    // A thread that panicked here has left valid values: every change is a few assignments, and the panic
+    // ends the service.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

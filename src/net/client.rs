@@ -16,21 +16,21 @@ use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 use tokio_tungstenite::tungstenite::{Bytes, Error as SocketError, Message as SocketMessage};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async_with_config};
 
-/// Longest time for a connection to come about.
+/// Longest time for a connection to be established.
 const CONNECT_WITHIN: Duration = Duration::from_secs(10);
 /// Wait before the second attempt to connect; doubled with every further one.
 const FIRST_WAIT: Duration = Duration::from_millis(250);
 /// Longest wait between two attempts.
 const LONGEST_WAIT: Duration = Duration::from_secs(8);
-/// A server is asked so often whether it is there,
+/// Interval at which a server is sent a ping.
 const ASK_EVERY: Duration = Duration::from_secs(5);
-/// and given up when it has said nothing for so long.
+/// A server that has sent nothing for this long is given up.
 const SILENCE_MAX: Duration = Duration::from_secs(20);
 /// Four lists of 300 lights as bytes.
 const READ_BUFFER_BYTES: usize = 1 << 14;
-/// Longest wait for a server to take a goodbye.
+/// Longest wait for a server to take the closing message.
 const FAREWELL: Duration = Duration::from_millis(100);
-/// How often a request to end is looked for.
+/// How often a shutdown request is checked for.
 const GLANCE: Duration = Duration::from_millis(20);
 
 /// What a client wants, and from whom.
@@ -41,7 +41,7 @@ pub struct ClientOptions {
     pub subscription: Subscription,
     /// Whether lists come as bytes or as JSON.
     pub is_binary: bool,
-    /// What it shows.
+    /// The token that it presents.
     pub token: Option<Token>,
 }
 
@@ -50,7 +50,7 @@ impl ClientOptions {
     /// (`http://...`), or HOST:PORT. Without a path it is `/ws`.
     ///
     /// # Errors
-    /// Kind `Usage`: this is no such address.
+    /// Kind `Usage`: this is not such an address.
     pub fn new(url: &str) -> Result<Self> {
         let wrong = || Error::usage("is no address of a server, such as ws://127.0.0.1:7300").at(url);
         let rest = ["ws://", "http://"].iter().find_map(|scheme| url.strip_prefix(scheme)).unwrap_or(url);
@@ -84,15 +84,15 @@ impl ClientOptions {
     }
 }
 
-/// Takes lists from a server until a shutdown is requested or nobody wants them any more. A connection that
-/// breaks is made again, as often as it takes, with growing waits; so is one that cannot be made yet.
+/// Receives lists from a server until a shutdown is requested or nobody wants them any more. A connection
+/// that breaks or cannot be made yet is tried again, as often as necessary, with growing waits.
 pub struct Client {
     threads: Threads,
 }
 
 impl Client {
-    /// Starts on a thread of its own, which counts in `metrics` and calls `deliver` with every message; false
-    /// ends it, as does an error. While `deliver` takes its time, the server skips lists.
+    /// Starts on a thread of its own, which counts in `metrics` and calls `deliver` with every message; when
+    /// that returns false or an error, the thread ends. While `deliver` is busy, the server skips lists.
     ///
     /// # Errors
     /// Those of the system for threads.
@@ -155,11 +155,11 @@ struct Connection<D> {
 
 /// Why a connection ended.
 enum End {
-    /// Nobody wants more.
+    /// Nobody wants more lists.
     Enough,
     /// It may be made again.
     Lost(String),
-    /// There is no use in trying again.
+    /// Trying again is pointless.
     Failed(Error),
 }
 
@@ -184,7 +184,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                         let attempts = self.attempts.attempts();
                         tracing::warn!("{}: {reason}; trying again (attempt {attempts})", self.options.uri);
                     }
-                    // Clients that a server has lost together do not all come back in one moment.
+                    // Clients that a server has lost together do not all reconnect at the same moment.
                     let chance = (monotonic_ns() / 1000 % 1000) as f64 * 1e-3;
                     sleep(self.attempts.wait().mul_f64(0.5 + 0.5 * chance)).await;
                 }
@@ -197,7 +197,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
         let config = WebSocketConfig::default()
             .max_message_size(Some(MESSAGE_MAX_BYTES))
             .max_frame_size(Some(MESSAGE_MAX_BYTES))
-            // It is cleared before every read.
+            // The buffer is cleared before every read.
             .read_buffer_size(READ_BUFFER_BYTES);
         let connecting = connect_async_with_config(request, Some(config), true);
         match timeout(CONNECT_WITHIN, connecting).await {
@@ -210,7 +210,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
         }
     }
 
-    /// What an answer other than a stream means: some may be another tomorrow.
+    /// The meaning of an answer other than a stream: some answers may change later.
     fn refusal(&self, status: StatusCode, body: Option<&[u8]>) -> End {
         let reason = String::from_utf8_lossy(body.unwrap_or_default());
         let told = printable(&reason);
@@ -239,7 +239,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
                         Some(Err(error)) => return Err(End::Lost(error.to_string())),
                         None => return Err(End::Lost("the server has gone".to_owned())),
                     }
-                    // Whoever takes the lists may have taken their time.
+                    // Delivering the list may have taken long.
                     last_activity = Instant::now();
                 }
                 _ = ask.tick() => {
@@ -288,7 +288,7 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
     }
 }
 
-/// The first line of what somebody else has written, fit for a terminal.
+/// The first line of a text from outside, made safe for a terminal.
 fn printable(text: &str) -> String {
     let line = text.lines().next().unwrap_or_default();
     line.chars().filter(|character| !character.is_control()).take(200).collect()

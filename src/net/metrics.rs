@@ -1,4 +1,4 @@
-//! What `/metrics` says, for Prometheus.
+//! The contents of `/metrics`, for Prometheus.
 
 use super::shared::Shared;
 use prometheus_client::collector::Collector;
@@ -17,7 +17,7 @@ pub(super) fn text(shared: &Arc<Shared>) -> Result<String, fmt::Error> {
     Ok(text)
 }
 
-/// Reads everything anew for every answer.
+/// Reads all values again for every answer.
 #[derive(Debug)]
 struct Figures(Weak<Shared>);
 

@@ -1,9 +1,9 @@
 //! The server that streams lists to clients, and the client that takes them: the only asynchronous code.
 //!
-//! The service posts lists and maps on a [`Board`]; a [`Server`], which outlives a service that is configured
-//! anew, has one thread for all its clients and takes from the board what each of them wants. So no client
-//! holds up the service or another client: whoever is slow finds the newest list when they are ready, and is
-//! told what they missed.
+//! The service posts lists and maps on a [`Board`]; a [`Server`], which outlives a service that is restarted
+//! with a new configuration, has one thread for all its clients and takes from the board what each of them
+//! wants. So no client blocks the service or another client: a slow client gets the newest list when it is
+//! ready, and is told how many it missed.
 
 mod access;
 mod board;

@@ -6,20 +6,20 @@ use subtle::ConstantTimeEq;
 
 /// Most bytes of a file with a token.
 const TOKEN_MAX_BYTES: usize = 1024;
-/// A shorter token can be guessed.
+/// Fewest bytes of a token; a shorter one can be guessed.
 const TOKEN_LEAST_BYTES: usize = 16;
 
 /// Who may connect to a server, and how many.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ServerOptions {
-    /// What clients must know; `None`: nothing.
+    /// The token that clients must present; `None`: none.
     pub token: Option<Token>,
     /// Web pages that may connect besides the server's own: `https://studio.example`.
     pub origins: Vec<String>,
     /// Most clients at a time that lists are streamed to.
     pub clients_max: usize,
-    /// A client that takes nothing and says nothing for so long is disconnected; one that is silent for half
-    /// of it is asked whether it is there.
+    /// A client that takes nothing and sends nothing for this long is disconnected; one that is silent for
+    /// half of it is sent a ping.
     pub patience: Duration,
 }
 
@@ -29,7 +29,7 @@ impl Default for ServerOptions {
     }
 }
 
-/// A secret that clients show. It is compared in constant time and never printed.
+/// A secret that clients present. It is compared in constant time and never printed.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token(String);
 
@@ -38,7 +38,8 @@ impl Token {
     ///
     /// # Errors
     /// Kind `Usage`, naming the file: it cannot be read; the line has less than 16 or more than 1024
-    /// characters, or others than letters, digits and `-._~`, which all places that carry a token let pass.
+    /// characters, or characters other than letters, digits and `-._~`, which are valid in every place that
+    /// carries a token.
     pub fn load(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|error| {
             Error::usage("the file with the token cannot be read").because(error).at(path)
@@ -59,12 +60,13 @@ impl Token {
         Ok(Self(text.to_owned()))
     }
 
-    /// Whether this is the token. The time that it takes tells the length of the token and nothing else.
+    /// Whether this is the token. The time that the comparison takes reveals the length of the token and
+    /// nothing else.
     pub fn is(&self, shown: &[u8]) -> bool {
         self.0.as_bytes().ct_eq(shown).into()
     }
 
-    /// For a client, which has to show it.
+    /// The text of the token, for a client that has to present it.
     pub(super) fn reveal(&self) -> &str {
         &self.0
     }

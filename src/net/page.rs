@@ -10,7 +10,7 @@ const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 const PICTURE: &str = "image/svg+xml";
 
-/// The page runs nothing and asks nobody but what this server gives.
+/// The page runs only scripts from this server and sends requests only to it.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -46,7 +46,7 @@ pub(super) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
 mod tests {
     use super::*;
 
-    /// What stands between `before` and the next quote.
+    /// The text between `before` and the next quote.
     fn quoted<'a>(text: &'a str, before: &str) -> Vec<&'a str> {
         text.split(before).skip(1).filter_map(|rest| rest.split('"').next()).collect()
     }
@@ -63,7 +63,7 @@ mod tests {
                 }
             }
         }
-        // Every file is named by another, but the page itself.
+        // Every file except the page itself is named by another.
         assert!(named >= FILES.len() - 1);
     }
 

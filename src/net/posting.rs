@@ -1,4 +1,4 @@
-//! The ends of a service that put what it makes on a [`Board`].
+//! The ends of a service that post its results on a [`Board`].
 
 use super::Board;
 use crate::error::Result;
@@ -8,14 +8,14 @@ use lightcast_core::image::PolarMap;
 use lightcast_core::light::ReferencedList;
 use std::sync::Arc;
 
-/// Puts every list on a board.
+/// Posts every list on a board.
 pub struct PostLists {
     board: Arc<Board>,
     epoch: CaptureEpoch,
 }
 
 impl PostLists {
-    /// `epoch` says how the lists' capture times stand to the kernel's clock.
+    /// `epoch` relates the lists' capture times to the kernel's clock.
     pub fn new(board: Arc<Board>, epoch: CaptureEpoch) -> Self {
         Self { board, epoch }
     }
@@ -31,7 +31,7 @@ impl Stage for PostLists {
     }
 }
 
-/// Puts every map on a board, in place of the one before.
+/// Posts every map on a board, in place of the previous one.
 pub struct PostMaps(pub Arc<Board>);
 
 impl Stage for PostMaps {

@@ -1,4 +1,4 @@
-//! What the server answers to requests over HTTP.
+//! The server's answers to HTTP requests.
 
 use super::access::{self, Refusal};
 use super::metrics;
@@ -60,14 +60,14 @@ async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, nex
     let is_upgrade = response.status() == StatusCode::SWITCHING_PROTOCOLS;
     let headers = response.headers_mut();
     if !is_upgrade {
-        // A page asks for maps again and again: with its connections kept, few pages would take all
-        // connection slots.
+        // A page requests maps again and again: if its connections were kept alive, a few pages would take
+        // all connection slots.
         headers.insert(CONNECTION, HeaderValue::from_static("close"));
     }
     headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.entry(CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     if shared.options().origins.is_empty() {
-        // Pages of others, which show pictures without saying where they are from.
+        // Against pages from other sites that embed pictures, for which browsers send no origin.
         headers.insert(CROSS_ORIGIN_RESOURCE_POLICY, HeaderValue::from_static("same-origin"));
     }
     response
@@ -88,7 +88,7 @@ async fn check(shared: &Shared, needs_token: bool, request: Request, next: Next)
     }
 }
 
-/// A refusal: one sentence, for whoever reads it.
+/// A refusal with one sentence for the reader.
 fn refused(status: StatusCode, reason: impl Into<String>) -> Response {
     (status, reason.into() + "\n").into_response()
 }
@@ -127,7 +127,7 @@ async fn stream(
     upgrade
         .max_message_size(wire::DEMAND_MAX_BYTES)
         .max_frame_size(wire::DEMAND_MAX_BYTES)
-        // It is cleared before every read, for every client.
+        // The buffer is cleared before every read, for every client.
         .read_buffer_size(wire::DEMAND_MAX_BYTES)
         .on_upgrade(move |socket| async move {
             let session = Session::new(socket, &shared, phase, subscription, is_binary, options.patience);
@@ -158,9 +158,9 @@ async fn map_exr(State(shared): State<Arc<Shared>>) -> Response {
     map(&shared, 1, "image/x-exr", encode_map_exr).await
 }
 
-/// The newest map as a file. Encoding takes milliseconds: it is done once for all who ask for the same map,
-/// one at a time, and beside the thread that streams. It goes on when its client has gone, and so does the
-/// turn of the next.
+/// The newest map as a file. Encoding takes milliseconds: it is done once for all clients that request the
+/// same map, one at a time, and not on the thread that streams. It continues when its client has gone, and
+/// the next client still waits for it.
 async fn map(
     shared: &Arc<Shared>,
     kept: usize,

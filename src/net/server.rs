@@ -19,20 +19,20 @@ use tokio::runtime;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
 
-/// Bytes that the kernel keeps for a client that does not take them. More would only be older lists for the
-/// client to read before it comes to the newest: this holds some 15 lists of 300 lights as bytes.
+/// Size of the kernel's send buffer for a client. More would only hold older lists for the client to read
+/// before it gets to the newest: this holds some 15 lists of 300 lights as bytes.
 const SEND_BUFFER_BYTES: usize = 1 << 16;
-/// Connections for requests beside those that lists are streamed over.
+/// Connections for requests, in addition to those for streams of lists.
 const REQUESTS_MAX: usize = 64;
 /// Longest time for the head of a request.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 /// Longest life of a connection for requests: a client that reads an answer byte by byte does not hold it for
 /// ever.
 const CONNECTION_WITHIN: Duration = Duration::from_secs(120);
-/// Longest time that clients have in the end to take what is left.
+/// Longest time that clients have at the end to take the remaining lists.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
-/// A server that streams what is posted on a [`Board`], on a thread of its own, until it is stopped.
+/// A server that streams the posts of a [`Board`], on a thread of its own, until it is stopped.
 pub struct Server {
     address: SocketAddr,
     shared: Arc<Shared>,
@@ -41,10 +41,10 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens on `address`, HOST:PORT (port 0: any), at once.
+    /// Listens on `address`, HOST:PORT (port 0: any), immediately.
     ///
     /// # Errors
-    /// Kind `Usage` for an address that is none; when it is taken or not this machine's.
+    /// Kind `Usage` for an invalid address; others when it is taken or not this machine's.
     pub fn start(
         address: &str,
         board: &Arc<Board>,
@@ -72,7 +72,7 @@ impl Server {
         let (serving, router) = (shared.clone(), requests::router(&shared));
         threads.spawn("serve", move || {
             let outcome = runtime.block_on(serve(listener, serving, router));
-            // What clients have not taken by now they will not.
+            // Clients will not take what they have not taken by now.
             runtime.shutdown_timeout(Duration::from_millis(100));
             outcome
         })?;
@@ -84,17 +84,17 @@ impl Server {
         self.address
     }
 
-    /// What it has done so far.
+    /// Its metrics so far.
     pub fn metrics(&self) -> &Arc<Metrics> {
         &self.shared.metrics
     }
 
-    /// Serves by other rules from now on. Clients that are connected have to connect again if they changed.
+    /// Serves by these rules from now on. If they changed, connected clients have to reconnect.
     pub fn set_options(&self, options: ServerOptions) {
         self.shared.set_options(options);
     }
 
-    /// Gives all clients the rest, for two seconds at most, and ends.
+    /// Sends all clients the remaining lists, for two seconds at most, and ends.
     ///
     /// # Errors
     /// When it had failed or panicked before.
@@ -119,7 +119,7 @@ fn listen(address: &str) -> Result<TcpListener> {
         Error::failed("cannot be listened on; is another program there?").because(error).at(address)
     };
     let listener = TcpListener::bind(&addresses[..]).map_err(failed)?;
-    // Connections take over what their listener has.
+    // Connections inherit this from their listener.
     SockRef::from(&listener).set_send_buffer_size(SEND_BUFFER_BYTES).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
     Ok(listener)
@@ -147,7 +147,7 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
                 tokio::spawn(connection(stream, Peer(address), service, permit));
             }
             Err(error) => {
-                // The client has gone again, or this process has no file handle left: another time.
+                // The client has gone again, or this process has no file handle left: try again later.
                 tracing::warn!("a connection cannot be accepted: {error}");
                 sleep(Duration::from_millis(100)).await;
             }
@@ -163,15 +163,15 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
     Ok(())
 }
 
-/// Answers the requests of one connection. One that becomes a stream of lists leaves it, and its permit,
-/// behind.
+/// Answers the requests of one connection. A connection that becomes a stream of lists leaves this function
+/// and gives its permit back.
 async fn connection(
     stream: TcpStream,
     peer: Peer,
     service: TowerToHyperService<Router>,
     permit: OwnedSemaphorePermit,
 ) {
-    // A list is one write, and waits for no other.
+    // A list is one write, which need not be combined with others.
     let _ = stream.set_nodelay(true);
     let service = service_fn(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(peer);
@@ -182,7 +182,7 @@ async fn connection(
         .header_read_timeout(HEAD_WITHIN)
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
-    // Whoever sends nonsense or goes away meanwhile is no concern of the server's.
+    // Errors of clients that send nonsense or disconnect meanwhile do not matter to the server.
     let _ = timeout(CONNECTION_WITHIN, connection).await;
     drop(permit);
 }

@@ -1,4 +1,4 @@
-//! One client that lists are streamed to.
+//! One client to which lists are streamed.
 
 use super::board::Post;
 use super::shared::{Phase, Shared};
@@ -17,9 +17,9 @@ use tokio_tungstenite::tungstenite::{self, error::ProtocolError};
 /// Messages that a client may send at once, and how many more in a second; more is a flood.
 const BURST: f64 = 20.0;
 const MESSAGES_PER_SECOND: f64 = 4.0;
-/// What takes so long to send has waited for the client to take what was before it.
+/// A send that takes this long has waited for the client to take earlier data.
 const WAITED: Duration = Duration::from_millis(100);
-/// Longest wait for a client to take the words with which it is disconnected.
+/// Longest wait for a client to take the closing message.
 const FAREWELL: Duration = Duration::from_millis(500);
 
 /// A connected client.
@@ -30,12 +30,11 @@ pub(super) struct Session {
     turn: Turn,
     is_binary: bool,
     patience: Duration,
-    /// When the client last showed that it is there: by a message, a pong at least, or by taking what had
-    /// waited for it.
+    /// Time of the client's last activity: a message, at least a pong, or taking data that had waited for it.
     last_activity: Instant,
-    /// Messages that it might send at the time that goes with it.
+    /// Messages that the client may send, at the time that goes with the number.
     allowance: (f64, Instant),
-    /// Lists so far.
+    /// Lists sent so far.
     sent: u64,
     lost: u64,
 }
@@ -44,9 +43,9 @@ pub(super) struct Session {
 enum End {
     /// The client has gone, or the connection broke.
     Gone,
-    /// It neither takes nor says anything.
+    /// It neither takes nor sends anything.
     Silent,
-    /// It is sent away.
+    /// It is disconnected.
     Close(CloseCode, &'static str),
 }
 
@@ -61,7 +60,7 @@ impl End {
 }
 
 impl Session {
-    /// `phase` was taken before the rules under which the client came in were looked at.
+    /// `phase` was read before the rules by which the client was admitted.
     pub fn new(
         socket: WebSocket,
         shared: &Arc<Shared>,
@@ -70,7 +69,7 @@ impl Session {
         is_binary: bool,
         patience: Duration,
     ) -> Self {
-        // The newest list at once, not only when the next one comes.
+        // The newest list is sent immediately, and not only when the next one comes.
         let first = shared.board.newest().map_or(0, |(post, _)| post.number);
         Self {
             socket,
@@ -86,7 +85,7 @@ impl Session {
         }
     }
 
-    /// Streams to the client at `peer` until one of the two has enough.
+    /// Streams to the client at `peer` until one of the two ends the session.
     pub async fn run(mut self, peer: SocketAddr) {
         let Subscription { lights, rate_hz, error, queue } = *self.turn.subscription();
         let error = error.map(f64::from);
@@ -97,9 +96,9 @@ impl Session {
         if let End::Close(code, reason) = end {
             let close = CloseFrame { code, reason: Utf8Bytes::from_static(reason) };
             let _ = timeout(FAREWELL, self.socket.send(Message::Close(Some(close)))).await;
-            // Until the client has closed its end: what it does not take before the connection goes would be
-            // lost. After what was no frame nothing can be read, and a client far away may see the connection
-            // break and no reason.
+            // Waits until the client has closed its end: data that it has not taken when the connection
+            // closes would be lost. After an invalid frame nothing can be read, and a distant client may see
+            // the connection break without a reason.
             let _ = timeout(FAREWELL, async { while let Some(Ok(_)) = self.socket.recv().await {} }).await;
         }
     }
@@ -125,7 +124,7 @@ impl Session {
                 _ = self.phase.changed() => {
                     let is_ending = *self.phase.borrow_and_update() == Phase::Ending;
                     if is_ending {
-                        // What is on the board is the rest.
+                        // The lists on the board are the remaining ones.
                         while self.send_next().await? {}
                         return Err(End::Close(close_code::AWAY, "the server ends"));
                     }
@@ -142,7 +141,7 @@ impl Session {
         }
     }
 
-    /// Sends what is due next; whether there was anything.
+    /// Sends what is due next; returns whether there was anything.
     async fn send_next(&mut self) -> Result<bool, End> {
         let started = Instant::now();
         let Some((post, lost)) = self.shared.board.look(|posts| self.turn.next(posts)) else {
@@ -176,7 +175,7 @@ impl Session {
         let started = Instant::now();
         match timeout(self.patience, self.socket.send(message)).await {
             Ok(Ok(())) => {
-                // Less than this may be the kernel's buffers alone.
+                // A shorter time may be spent in the kernel's buffers alone.
                 if started.elapsed() >= WAITED {
                     self.last_activity = Instant::now();
                 }
@@ -225,8 +224,7 @@ impl Session {
         }
     }
 
-    /// Asks a client that is silent whether it is there; gives one up that has not said anything for too
-    /// long.
+    /// Pings a silent client; gives up a client that has been silent for too long.
     async fn ask(&mut self) -> Result<(), End> {
         let silence = self.last_activity.elapsed();
         if silence >= self.patience {
@@ -240,7 +238,7 @@ impl Session {
     }
 }
 
-/// The times of a message that is sent now.
+/// The times of a message that is being sent now.
 fn delivery(post: &Post, lost: u64) -> Delivery {
     let (now_ns, utc_from_monotonic_ns) = (monotonic_ns(), utc_from_monotonic_ns());
     let utc = |monotonic_ns: i64| monotonic_ns.saturating_add(utc_from_monotonic_ns);

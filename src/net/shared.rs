@@ -1,4 +1,4 @@
-//! What the connections of a server share.
+//! State that the connections of a server share.
 
 use super::access::Names;
 use super::{Board, ServerOptions};
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use tokio::sync::watch;
 
-/// What all connections share.
+/// State that all connections share.
 pub(super) struct Shared {
     pub board: Arc<Board>,
     pub names: Names,
@@ -22,12 +22,12 @@ pub(super) struct Shared {
     phase: watch::Sender<Phase>,
 }
 
-/// What sessions have to know of the server.
+/// The phase of the server, for its sessions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
     /// It serves by the rules of this number.
     Serving(u64),
-    /// It takes nobody any more.
+    /// It accepts no more clients.
     Ending,
 }
 
@@ -42,7 +42,7 @@ pub(super) struct Counters {
     pub silent: Counter,
 }
 
-/// Whose connection a request came over.
+/// The peer of the connection over which a request came.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peer(pub SocketAddr);
 
@@ -52,7 +52,7 @@ pub(super) struct ConnectionSlot(Arc<Shared>);
 /// A map as a file.
 #[derive(Clone)]
 pub(super) struct EncodedMap {
-    /// How many were on the board before it.
+    /// Number of maps on the board before it.
     pub number: u64,
     pub sequence: u64,
     pub theta_max_rad: f64,
@@ -60,7 +60,7 @@ pub(super) struct EncodedMap {
 }
 
 impl Shared {
-    /// What the connections of a new server share: what clients ask for is on `board`, who gets in is up to
+    /// The shared state of a new server, with the data for clients on `board` and the rules for access in
     /// `options`.
     pub fn new(board: &Arc<Board>, names: Names, options: ServerOptions) -> Self {
         let metrics = Metrics::new("serve");
@@ -80,7 +80,7 @@ impl Shared {
         self.options.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Serves by other rules from now on; sessions hear of it where they changed.
+    /// Serves by these rules from now on; sessions are notified if they changed.
     pub fn set_options(&self, options: ServerOptions) {
         let mut kept = self.options.write().unwrap_or_else(PoisonError::into_inner);
         if **kept != options {
@@ -93,7 +93,7 @@ impl Shared {
         }
     }
 
-    /// Takes nobody any more; sessions hear of it.
+    /// Accepts no more clients; sessions are notified.
     pub fn end(&self) {
         self.phase.send_replace(Phase::Ending);
     }

@@ -5,11 +5,11 @@ use crate::wire::Subscription;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// How far a client is.
+/// The position of a client in the sequence of posts.
 #[derive(Debug)]
 pub(super) struct Turn {
     subscription: Subscription,
-    /// Number of the first post that it has not yet had or passed over.
+    /// Number of the first post that it has not yet got or skipped.
     next_number: u64,
     /// Capture time of the next list that its rate lets through; `None`: the next list, whichever it is.
     due_ns: Option<i64>,
@@ -25,14 +25,14 @@ impl Turn {
         &self.subscription
     }
 
-    /// From now on.
+    /// Uses another subscription from now on.
     pub fn subscribe(&mut self, subscription: Subscription) {
         self.subscription = subscription;
         self.due_ns = None;
     }
 
     /// The next post of `posts` (their numbers are consecutive) that is due, and how many lists that were due
-    /// before it are lost; `None`: all that is due was had.
+    /// before it are lost; `None`: the client has got all that is due.
     pub fn next(&mut self, posts: &VecDeque<Arc<Post>>) -> Option<(Arc<Post>, u64)> {
         let oldest = posts.front()?;
         let end = oldest.number + posts.len() as u64;
@@ -50,7 +50,7 @@ impl Turn {
             }
         }
         if due_count == 0 {
-            // Passed over, and not lost if the client should want another rate.
+            // The posts are skipped, and not counted as lost if the client should change its rate.
             self.next_number = self.next_number.max(end);
             return None;
         }
@@ -63,8 +63,8 @@ impl Turn {
         Some((post.clone(), lost))
     }
 
-    /// Lists that were due and are no longer among the posts: as many as their rate against the frame rate
-    /// lets expect.
+    /// Lists that were due and are no longer among the posts: the number is estimated from their rate and the
+    /// frame rate.
     fn lost_unseen(&self, oldest: &Post) -> u64 {
         let unseen = oldest.number.saturating_sub(self.next_number);
         let frame_rate_hz = oldest.list.stamp.frame_rate_hz;
@@ -92,7 +92,7 @@ mod tests {
         board.post(&ReferencedList { list, ..ReferencedList::default() }, &CaptureEpoch::default());
     }
 
-    /// Numbers and losses that a client gets at once.
+    /// Numbers and losses that a client gets immediately.
     fn take_all(board: &Board, turn: &mut Turn) -> Vec<(u64, u64)> {
         let next = |turn: &mut Turn| board.look(|posts| turn.next(posts));
         std::iter::from_fn(|| next(turn)).map(|(post, lost)| (post.number, lost)).collect()

@@ -12,7 +12,7 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// Filled with the colour that `colour(x, y)` gives at every pixel.
+    /// A picture whose pixels have the colour `colour(x, y)`.
     pub fn from_fn(width: usize, height: usize, mut colour: impl FnMut(usize, usize) -> [u8; 3]) -> Self {
         let rgb = (0..height)
             .flat_map(|y| (0..width).map(move |x| (x, y)))

@@ -1,18 +1,18 @@
-//! How different two pictures look: LDR-FLIP.
+//! Perceived difference between two pictures: LDR-FLIP.
 //!
 //! P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström and M. D. Fairchild 2020, *FLIP: A
 //! Difference Evaluator for Alternating Images* (Proc. ACM Comput. Graph. Interact. Tech. 3, 2, article 15),
-//! the paper below, with what its authors have noted since (research.nvidia.com/publication/flip): luminance
-//! is divided by 116, and pictures are best summed up by their mean. An error is the difference that an
-//! observer notices who flips between the two pictures: 0 for none, 1 for the largest that there is.
+//! called the paper below, with its authors' later corrections (research.nvidia.com/publication/flip):
+//! luminance is divided by 116, and the mean is the best summary of an error map. An error is the difference
+//! that an observer notices when flipping between the two pictures: 0 for none, 1 for the largest possible.
 //!
-//! Written here because the one crate for it (`nv-flip`) wraps the reference implementation, needs a C++
-//! compiler for that and has long had no release.
+//! It is implemented here because the only crate for it (`nv-flip`) wraps the reference implementation, needs
+//! a C++ compiler and has not been released for a long time.
 //!
 //! | paper | here |
 //! |---|---|
 //! | p, pixels per degree | `pixels_per_degree` |
-//! | Y Cx Cz | [`opponent`], without the constants that the way back takes away again |
+//! | Y Cx Cz | [`opponent`], without the constants, which the inverse transform removes again |
 //! | S, contrast sensitivity | [`Sensitivity`] |
 //! | q_c, p_c, p_t | [`COLOUR_EXPONENT`], [`KNEE`], [`KNEE_ERROR`] |
 //! | w, q_f | [`FEATURE_WIDTH_DEG`], [`FEATURE_EXPONENT`] |
@@ -26,22 +26,23 @@ use filter::{Derivative, Sensitivity, derivative, separable};
 use glam::{DMat3, DVec3};
 use lightcast_core::math::linear_from_srgb;
 
-/// Pixels in a degree of an observer 0.7 m away from a screen that is 0.7 m and 3840 pixels wide, FLIP's own
+/// Pixels per degree for an observer 0.7 m away from a screen that is 0.7 m and 3840 pixels wide, FLIP's own
 /// default.
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;
 
 /// Compresses large differences of colour (q_c).
 const COLOUR_EXPONENT: f64 = 0.7;
-/// The compressed difference of colour, in parts of the largest, up to which errors are stretched (p_c) ...
+/// The compressed difference of colour, as a fraction of the largest, up to which errors are stretched (p_c)
+/// ...
 const KNEE: f64 = 0.4;
 /// ... and the error there (p_t).
 const KNEE_ERROR: f64 = 0.95;
-/// Width of an edge that people see well, in degrees of vision (w).
+/// Width of an edge that people see well, in degrees of visual angle (w).
 const FEATURE_WIDTH_DEG: f64 = 0.082;
 /// Stretches small differences of features (q_f).
 const FEATURE_EXPONENT: f64 = 0.5;
 
-/// How different two pictures look.
+/// The perceived difference between two pictures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlipError {
     /// Mean of the map; 0 for pictures without pixels.
@@ -50,13 +51,12 @@ pub struct FlipError {
     pub map: Vec<f32>,
 }
 
-/// LDR-FLIP between two pictures of `width` columns, linear RGB (Rec. 709) in [0, 1], row by row. What lies
-/// outside is clamped, NaN is black. 8-bit pictures come through [`linear_from_srgb8`]. The error is
+/// LDR-FLIP between two pictures of `width` columns, linear RGB (Rec. 709) in [0, 1], row by row. Values
+/// outside are clamped, NaN is black. 8-bit pictures are converted with [`linear_from_srgb8`]. The error is
 /// symmetric.
 ///
 /// # Panics
-/// When the pictures are not of one size, `width` does not divide it, or `pixels_per_degree` is not in [1,
-/// 1000].
+/// When the pictures differ in size, `width` does not divide it, or `pixels_per_degree` is not in [1, 1000].
 pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], width: usize, pixels_per_degree: f64) -> FlipError {
     assert_eq!(reference.len(), test.len(), "both pictures are of one size");
     assert!((1.0..=1000.0).contains(&pixels_per_degree), "{pixels_per_degree} pixels per degree");
@@ -72,7 +72,7 @@ pub fn flip(reference: &[[f32; 3]], test: &[[f32; 3]], width: usize, pixels_per_
         .map(|i| {
             let colour = colour_error(reference.colours[i], test.colours[i], largest);
             let feature = feature_error(reference.features[i], test.features[i]);
-            // Where features differ, a difference of colour counts for more.
+            // Where features differ, a difference of colour counts more.
             colour.powf(1.0 - feature)
         })
         .collect();
@@ -87,9 +87,9 @@ pub fn linear_from_srgb8(rgb: [u8; 3]) -> [f32; 3] {
     rgb.map(|code| linear_from_srgb(f32::from(code) / 255.0))
 }
 
-/// What an observer sees of a picture.
+/// A picture as an observer perceives it.
 struct Seen {
-    /// Hunt-adjusted L\*a\*b\* after the eye's blur.
+    /// Hunt-adjusted L\*a\*b\* after blurring by the contrast sensitivity of the eye.
     colours: Vec<DVec3>,
     /// Strength of edges and of points.
     features: Vec<[f64; 2]>,
@@ -115,8 +115,8 @@ impl Seen {
             .map(|i| colour_space.lab(DVec3::from_array(blurred.each_ref().map(|plane| plane[i]))))
             .collect();
 
-        // Edges and points of y, relative luminance: what (Y + 16) / 116 is. Standard deviation such that the
-        // first derivative's lobes are `FEATURE_WIDTH_DEG` apart.
+        // Edges and points are found in y, relative luminance, which equals (Y + 16) / 116. The standard
+        // deviation is such that the first derivative's lobes are `FEATURE_WIDTH_DEG` apart.
         let deviation_px = 0.5 * FEATURE_WIDTH_DEG * pixels_per_degree;
         let blur = derivative(Derivative::None, deviation_px);
         let strength = |order| {
@@ -130,8 +130,8 @@ impl Seen {
     }
 }
 
-/// The channels of Y Cx Cz without its constants, which the normalised filters keep and the way back removes:
-/// y, x - y and y - z of XYZ relative to white.
+/// The channels of Y Cx Cz without its constants, which the normalised filters preserve and the inverse
+/// transform removes: y, x - y and y - z of XYZ relative to white.
 fn opponent(xyz: DVec3) -> DVec3 {
     DVec3::new(xyz.y, xyz.x - xyz.y, xyz.y - xyz.z)
 }
@@ -144,8 +144,7 @@ struct ColourSpace {
 
 impl ColourSpace {
     fn new() -> Self {
-        // The primaries (0.64, 0.33), (0.3, 0.6), (0.15, 0.06) and D65 at (0.3127, 0.329), worked out
-        // exactly.
+        // The primaries (0.64, 0.33), (0.3, 0.6), (0.15, 0.06) and D65 at (0.3127, 0.329), computed exactly.
         let [x, y, z] = [
             DVec3::new(10_135_552.0, 8_788_810.0, 4_435_075.0) / 24_577_794.0,
             DVec3::new(2_613_072.0, 8_788_810.0, 887_015.0) / 12_288_897.0,
@@ -157,21 +156,21 @@ impl ColourSpace {
         Self { xyz_from_rgb, rgb_from_xyz: xyz_from_rgb.inverse() }
     }
 
-    /// Hunt-adjusted L\*a\*b\* of opponent channels, which are first brought into the gamut.
+    /// Hunt-adjusted L\*a\*b\* of opponent channels, which are first clamped to the gamut.
     fn lab(&self, opponent: DVec3) -> DVec3 {
         let xyz = DVec3::new(opponent.x + opponent.y, opponent.x, opponent.x - opponent.z);
         let rgb = (self.rgb_from_xyz * xyz).clamp(DVec3::ZERO, DVec3::ONE);
         hunt_adjusted_lab(self.xyz_from_rgb * rgb)
     }
 
-    /// Between pure green and pure blue, the two colours of the gamut that differ most.
+    /// The difference between pure green and pure blue, the two colours of the gamut that differ most.
     fn largest_difference(&self) -> f64 {
         let [green, blue] = [DVec3::Y, DVec3::Z].map(|rgb| hunt_adjusted_lab(self.xyz_from_rgb * rgb));
         hyab(green, blue).powf(COLOUR_EXPONENT)
     }
 }
 
-/// CIE L\*a\*b\*, a and b scaled by 0.01 L\*: colour counts for less where it is dark (Hunt).
+/// CIE L\*a\*b\*, a and b scaled by 0.01 L\*: colour counts less where it is dark (Hunt effect).
 fn hunt_adjusted_lab(xyz: DVec3) -> DVec3 {
     const DELTA: f64 = 6.0 / 29.0;
     let root = |t: f64| {
@@ -183,8 +182,8 @@ fn hunt_adjusted_lab(xyz: DVec3) -> DVec3 {
     DVec3::new(lightness, 500.0 * (x - y) * hunt, 200.0 * (y - z) * hunt)
 }
 
-/// The distance of Abasi et al. 2020, made for large differences: city-block in lightness, Euclidean in
-/// colour.
+/// The HyAB distance of Abasi et al. 2020, designed for large differences: city-block in lightness, Euclidean
+/// in chroma.
 fn hyab(one: DVec3, other: DVec3) -> f64 {
     let difference = one - other;
     difference.x.abs() + difference.y.hypot(difference.z)

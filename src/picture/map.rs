@@ -9,15 +9,16 @@ use std::f64::consts::TAU;
 
 /// Side of the disc and width of the panorama in pixels.
 const SIZE: usize = 720;
-/// Widest polar angle that is drawn as a disc (as a fisheye lens sees it); a wider map becomes a panorama.
+/// Largest polar angle of a map that is drawn as a disc (as a fisheye lens sees it); a wider map becomes a
+/// panorama.
 const WIDEST_DISC_RAD: f64 = 2.0;
 /// Colour of the lights, as in the paper's figure 1.
 const GREEN: [u8; 3] = [40, 255, 60];
-/// Radius of a light that has all the power, as a part of the width; others by the square root of their
-/// share.
+/// Radius of a light that has all the power, as a fraction of the width; other radii scale with the square
+/// root of the light's share.
 const FULL_RADIUS: f64 = 1.0 / 12.0;
 
-/// Where directions fall on the picture.
+/// Projection of directions to the picture.
 #[derive(Clone, Copy)]
 enum MapView {
     /// Azimuthal equidistant about +Y: theta from the centre, phi anticlockwise from the right, as seen from
@@ -44,7 +45,7 @@ impl MapView {
         }
     }
 
-    /// (theta, phi) at a picture position, theta as a fraction of the map's extent; None outside of the map.
+    /// (theta, phi) at a picture position, theta as a fraction of the map's extent; `None` outside the map.
     fn angles(self, x: f64, y: f64) -> Option<(f64, f64)> {
         match self {
             Self::Disc { side } => {
@@ -69,7 +70,7 @@ impl MapView {
     }
 }
 
-/// A tone-mapped map without lights: what many lists can be drawn on.
+/// A tone-mapped map without lights, on which many lists can be drawn.
 #[derive(Clone)]
 pub struct MapBackground {
     canvas: Canvas,
@@ -100,15 +101,15 @@ impl MapBackground {
         self.canvas.width
     }
 
-    /// A copy with a ring for every light, its area in proportion to the light's share of the power. Lights
-    /// beyond the map's rim are left out.
+    /// A copy with a ring for every light, whose area is proportional to the light's share of the power.
+    /// Lights beyond the map's rim are left out.
     pub fn draw(&self, lights: &[Light]) -> Canvas {
         let mut canvas = self.canvas.clone();
         let full_radius = FULL_RADIUS * canvas.width as f64;
         let total: f64 = lights.iter().map(|light| f64::from(light.luminance())).sum();
         for light in lights.iter().filter(|light| light.luminance() > 0.0) {
             let (theta_rad, phi_rad) = polar(DVec3::from_array(light.direction.map(f64::from)));
-            // Filtered directions may leave the rim by a little.
+            // Filtered directions may lie slightly beyond the rim.
             if theta_rad > 1.1 * self.theta_max_rad {
                 continue;
             }
@@ -120,8 +121,8 @@ impl MapBackground {
     }
 }
 
-/// The tone-mapped map as it is, a pixel of the PNG file for a pixel of the map: columns are azimuth, rows
-/// the polar angle.
+/// The tone-mapped map with one pixel of the PNG file for each pixel of the map: columns are azimuth, rows
+/// are polar angle.
 ///
 /// # Errors
 /// A map without pixels, or with more than a PNG file can have.
@@ -131,7 +132,8 @@ pub fn encode_map_png(map: &PolarMap) -> Result<Vec<u8>> {
     encode_png8(map.shape.columns(), map.shape.rows(), &bytes)
 }
 
-/// The tone-mapped map with a ring for every light, its area in proportion to the light's share of the power.
+/// The tone-mapped map with a ring for every light, whose area is proportional to the light's share of the
+/// power.
 pub fn draw_map(map: &PolarMap, lights: &[Light]) -> Canvas {
     MapBackground::new(map, SIZE).draw(lights)
 }

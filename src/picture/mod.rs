@@ -1,6 +1,6 @@
-//! Pictures for people: a map with its lights drawn on it, and the sphere-on-plane scene of METHODS section 9
-//! shaded by the lights and by the whole map, side by side. Also how different two pictures look, and line
-//! plots.
+//! Pictures for display: a map with its lights drawn on it, and the sphere-on-plane scene of METHODS section
+//! 9 shaded by the lights and by the whole map, side by side. Also the perceived difference between two
+//! pictures, and line plots.
 
 mod canvas;
 mod flip;

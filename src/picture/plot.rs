@@ -10,7 +10,7 @@ use std::fmt::Write;
 /// A plot: panels from left to right, three in a row (four: two), under one title and above one legend.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plot {
-    /// Stands above all panels.
+    /// Text above all panels.
     pub title: String,
     /// Small multiples: axes with the same label have the same range.
     pub panels: Vec<Panel>,
@@ -19,24 +19,24 @@ pub struct Plot {
 /// One pair of axes, both logarithmic.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Panel {
-    /// Stands above the panel.
+    /// Text above the panel.
     pub title: String,
-    /// What x is, with its unit.
+    /// Label of the x axis, with its unit.
     pub x_label: String,
-    /// What y is, with its unit.
+    /// Label of the y axis, with its unit.
     pub y_label: String,
     /// Lines, drawn in this order.
     pub series: Vec<Series>,
-    /// Points with a ring about them, which is drawn over the lines.
+    /// Points marked by rings, which are drawn over the lines.
     pub rings: Vec<(f64, f64)>,
     /// Name of the series with the thickest and darkest line.
     pub emphasis: Option<String>,
 }
 
-/// A plot in pieces, for a page that puts them where there is room.
+/// A plot in pieces, for a page that arranges them itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parts {
-    /// Every panel as an SVG document of its own, as wide as a telephone's screen.
+    /// Every panel as a separate SVG document, as wide as a phone's screen.
     pub panels: Vec<String>,
     /// The legend: a sample of the line as an SVG document, and the series' name.
     pub legend: Vec<(String, String)>,
@@ -47,16 +47,16 @@ pub struct Parts {
 pub struct Series {
     /// Text in the legend.
     pub name: String,
-    /// (x, y), joined in this order. A point that has no place on the axes (zero, negative, infinite or NaN)
-    /// is left out and interrupts the line. A series without points has its entry in the legend and nothing
-    /// else.
+    /// Points (x, y), joined in this order. A point that cannot be shown on logarithmic axes (zero, negative,
+    /// infinite or NaN) is left out and interrupts the line. A series without points appears only in the
+    /// legend.
     pub points: Vec<(f64, f64)>,
 }
 
 /// Colours that people with any of the common colour deficiencies can tell apart, all dark enough for thin
 /// lines on white: M. Okabe and K. Ito 2008, *Color Universal Design*, without yellow.
 const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9"];
-/// The colour of the emphasised series, which then is no other's.
+/// The colour of the emphasised series, which no other series then has.
 const EMPHASIS: &str = "#000000";
 /// Dashes of the lines when all colours have been used once, so that 21 series can be told apart.
 const DASHES: [&str; 3] = ["", "7 4", "2 3"];
@@ -64,7 +64,7 @@ const COLUMNS: usize = 3;
 /// Sizes in px. The plotting area of a panel ...
 const AREA_WIDTH: f64 = 260.0;
 const AREA_HEIGHT: f64 = 220.0;
-/// ... and what stands around it: labels left and below, the panel's title above.
+/// ... and the space around it: labels left and below, the panel's title above.
 const LEFT: f64 = 74.0;
 const RIGHT: f64 = 18.0;
 const ABOVE: f64 = 30.0;
@@ -73,14 +73,14 @@ const PANEL_WIDTH: f64 = LEFT + AREA_WIDTH + RIGHT;
 const PANEL_HEIGHT: f64 = ABOVE + AREA_HEIGHT + BELOW;
 const TITLE_HEIGHT: f64 = 36.0;
 const LEGEND_LINE: f64 = 20.0;
-/// Width of a legend entry besides its text, and of a letter of the text on average.
+/// Width of a legend entry besides its text, and average width of a letter of the text.
 const LEGEND_SAMPLE: f64 = 56.0;
 /// Width of a line in the legend.
 const SAMPLE_WIDTH: f64 = 28.0;
 const LETTER: f64 = 6.6;
 
 impl Plot {
-    /// The plot as an SVG document with a white background. A plot without panels is its title.
+    /// The plot as an SVG document with a white background. A plot without panels consists of its title.
     pub fn to_svg(&self) -> String {
         let entries = self.entries();
         let columns = if self.panels.len() == 4 { 2 } else { self.panels.len().clamp(1, COLUMNS) };
@@ -115,7 +115,7 @@ impl Plot {
         Parts { panels: panels.collect(), legend: legend.collect() }
     }
 
-    /// Names and looks of all series, in the order of the legend.
+    /// Names and styles of all series, in the order of the legend.
     fn entries(&self) -> Vec<(&str, Style)> {
         let mut names: Vec<&str> = Vec::new();
         for series in self.panels.iter().flat_map(|panel| &panel.series) {
@@ -165,7 +165,7 @@ fn begin(width: f64, height: f64) -> String {
 }
 
 impl Panel {
-    /// The points that have a place on logarithmic axes.
+    /// The points that can be shown on logarithmic axes.
     fn places(&self) -> impl Iterator<Item = (f64, f64)> {
         self.series.iter().flat_map(|series| &series.points).copied().filter(has_place)
     }
@@ -247,7 +247,8 @@ impl Style {
     }
 }
 
-/// The entries of the legend from left to right in as many lines as the width needs, and its height.
+/// The entries of the legend from left to right, broken into as many lines as the width requires, and its
+/// height.
 fn legend(entries: &[(&str, Style)], width: f64, top: f64) -> (String, f64) {
     let mut svg = String::new();
     let (mut x, mut y) = (LEFT, top + LEGEND_LINE / 2.0);
@@ -263,7 +264,7 @@ fn legend(entries: &[(&str, Style)], width: f64, top: f64) -> (String, f64) {
     (svg, if entries.is_empty() { 0.0 } else { y - top + LEGEND_LINE })
 }
 
-/// A short piece of a line.
+/// A short sample of a line.
 fn sample(svg: &mut String, x: f64, y: f64, style: &Style) {
     let (end, middle) = (px(x + SAMPLE_WIDTH), px(x + SAMPLE_WIDTH / 2.0));
     let _ = writeln!(svg, r#"<line x1="{}" y1="{y}" x2="{end}" y2="{y}" {}/>"#, px(x), style.line());
@@ -274,7 +275,7 @@ fn has_place(&(x, y): &(f64, f64)) -> bool {
     [x, y].iter().all(|value| *value > 0.0 && value.is_finite())
 }
 
-/// A coordinate, to a hundredth of a pixel.
+/// A coordinate, rounded to a hundredth of a pixel.
 fn px(value: f64) -> String {
     format!("{value:.2}")
 }

@@ -9,16 +9,16 @@ use multiversion::multiversion;
 /// Size of one of the two halves in pixels.
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
-/// Sub-samples of a pixel along each axis that decide which surfaces it shows.
+/// Sub-samples of a pixel along each axis that determine which surfaces it shows.
 const COVERAGE_STEPS: usize = 3;
 /// Albedos (Lambert).
 const SPHERE_ALBEDO: f32 = 0.75;
 const GROUND_ALBEDO: f32 = 0.55;
-/// Radiance of the backdrop in parts of the map's mean radiance.
+/// Radiance of the backdrop as a fraction of the map's mean radiance.
 const BACKDROP: f64 = 0.1;
-/// Emitters that all patches are shaded by before the next come: 12 KiB of them.
+/// Number of emitters (12 KiB) by which all patches are shaded before the next ones are loaded.
 const STRETCH: usize = 512;
-/// Emitters summed side by side.
+/// Emitters summed in parallel.
 const LANES: usize = 16;
 
 /// Directional lights of RGB irradiance above the horizon, one array per coordinate.
@@ -68,7 +68,7 @@ impl Emitters {
     }
 }
 
-/// Emitters that fit into the first-level cache together with what they shine on.
+/// Emitters that fit into the first-level cache together with the patches that they light.
 struct Stretch<'a> {
     xyz: [&'a [[f32; LANES]]; 3],
     rgb: [&'a [[f32; LANES]]; 3],
@@ -95,22 +95,22 @@ impl Stretch<'_> {
     }
 }
 
-/// A piece of surface that a pixel shows.
+/// A surface that a pixel shows.
 #[derive(Clone, Copy)]
 enum Surface {
     Sphere { normal: Vec3 },
     Ground { at: Vec3 },
 }
 
-/// A surface, the pixel that shows it and the share of the pixel that it takes.
+/// A surface, the pixel that shows it and the fraction of the pixel that it covers.
 struct Patch {
     pixel: usize,
     share: f32,
     surface: Surface,
 }
 
-/// Adds the light of a stretch of emitters to the pixels of all patches. On the ground a light is hidden as
-/// in [`lightcast_core::light::measure`].
+/// Adds the light of a stretch of emitters to the pixels of all patches. On the ground, lights are occluded
+/// as in [`lightcast_core::light::measure`].
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn add_light(stretch: &Stretch, patches: &[Patch], pixels: &mut [[f32; 3]]) {
     for patch in patches {
@@ -133,7 +133,7 @@ fn add_light(stretch: &Stretch, patches: &[Patch], pixels: &mut [[f32; 3]]) {
     }
 }
 
-/// What a view ray meets.
+/// What a view ray hits.
 enum Hit {
     Sphere { normal: DVec3 },
     Ground { at: DVec3 },
@@ -194,8 +194,8 @@ pub fn draw_scene(map: &PolarMap, lights: &[Light]) -> Canvas {
     Canvas::from_fn(2 * WIDTH, HEIGHT, |x, y| tone.apply(halves[x / WIDTH][y * WIDTH + x % WIDTH]))
 }
 
-/// What the camera sees: patches of surface, and each pixel's share of backdrop. Every surface in a pixel is
-/// one patch, at its mean position.
+/// What the camera sees: patches of surface, and the fraction of each pixel that shows the backdrop. Every
+/// surface in a pixel is one patch, at its mean position.
 fn patches() -> (Vec<Patch>, Vec<f32>) {
     let camera = Pinhole::new();
     let (mut patches, mut backdrop_shares) = (Vec::new(), Vec::with_capacity(WIDTH * HEIGHT));

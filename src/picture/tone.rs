@@ -3,7 +3,7 @@ use lightcast_core::math::srgb_from_linear;
 
 /// Luminance that the log-average of the picture is mapped to: middle grey.
 const KEY: f64 = 0.18;
-/// Luminance, in log-averages, that becomes white: what is brighter clips.
+/// Luminance, in log-averages, that becomes white: brighter values clip.
 const WHITE_IN_LOG_AVERAGES: f32 = 40.0;
 
 /// Reinhard's global operator (2002, eq. 1, 2 and 4), its exposure taken from the log-average luminance.

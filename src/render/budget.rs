@@ -1,48 +1,49 @@
-//! A steady frame rate: how many lights and shadow maps the next frame may have (Havran et al. 2005, section
-//! 3.2: the list is progressive, so that its length can follow the frame rate).
+//! A steady frame rate: the number of lights and shadow maps that the next frame may have (Havran et al.
+//! 2005, section 3.2: the list is progressive, so its length can be adapted to the frame rate).
 //!
-//! Every frame time says how many lights the frame could have *afforded*: its lights times target over time,
-//! as if all the time went into lights. A fixed cost makes that number wrong, but it stays on the right side:
-//! it grows with the lights and equals them where the target is met, so that going there leads to the target
-//! from either side without passing it. The controller looks only at medians of it, so that single slow
-//! frames say nothing, and once it has arrived it stands still until a median leaves a band about the target.
+//! Every frame time gives the number of lights that the frame could have *afforded*: its lights times the
+//! target over its time, as if all the time were spent on lights. A fixed cost makes that number inaccurate,
+//! but the error is harmless: the number increases with the lights and equals them where the target is met,
+//! so moving towards it approaches the target from either side without overshoot. The controller uses only
+//! medians of it, so that single slow frames have no effect, and once it has converged it changes nothing
+//! until a median leaves a band around the target.
 
 use crate::error::{Error, Result};
 use lightcast_core::light::MAX_LIGHTS;
 use serde::Deserialize;
 
-/// Frames whose median shows overload: four slow ones of seven are no accident, an eighth of a second at 60
-/// Hz no wait.
+/// Frames whose median indicates overload: four slow ones of seven are rarely chance, and an eighth of a
+/// second at 60 Hz is short.
 const FAST: usize = 7;
-/// Frames whose median shows spare time, about half a second.
+/// Frames whose median indicates spare time, about half a second.
 const SLOW: usize = 31;
-/// Part by which a frame time may be off the target before anything changes. The requirement is 10 %; twice
-/// the 5 % of noise that frame times have fits in.
+/// Relative deviation of a frame time from the target before anything changes. The requirement is 10 %; this
+/// allows for twice the 5 % noise of frame times.
 const BAND: f64 = 0.1;
-/// A fall leads to this part of the lights that can be afforded: medians of noise say now more, now less, and
-/// a fall follows the least that they say.
+/// A fall aims at this fraction of the affordable lights: medians of noisy times fluctuate, and a fall
+/// follows their minimum.
 const FALL_TO: f64 = 0.99;
-/// A fall has ended when so much of the lights can be afforded: below [`FALL_TO`], which is approached, not
-/// reached.
+/// A fall ends when this fraction of the lights can be afforded: below [`FALL_TO`], which is approached but
+/// not reached.
 const FALL_ENDS: f64 = 0.98;
 /// Spare time is used up when no more than this multiple of the lights can be afforded.
 const RISE_ENDS: f64 = 1.03;
-/// Parts of the lights that may go and come in one frame.
+/// Largest fractions of the lights that may be removed and added in one frame.
 const MOST_FALL: f64 = 0.1;
 const MOST_RISE: f64 = 0.02;
-/// Part of the spare lights that is used in one frame: so slowly that times which come three frames late
-/// still stop it.
+/// Fraction of the spare lights that is added in one frame: slow enough that frame times which arrive three
+/// frames late can still stop it.
 const RISE_PART: f64 = 0.1;
-/// Frames without another attempt after more lights have ended in overload, as where the next light brings a
-/// costly shadow map: ten seconds at 60 Hz. Doubles with every failure, up to the most.
+/// Frames without another attempt after additional lights have caused overload, for example where the next
+/// light brings a costly shadow map: ten seconds at 60 Hz. It doubles with every failure, up to the maximum.
 const PATIENCE: u32 = 600;
 const MOST_PATIENCE: u32 = 8 * PATIENCE;
 
-/// What the frame rate may cost in quality.
+/// The frame time to keep, and the range of quality within which it is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "snake_case")]
 pub struct BudgetOptions {
-    /// Time of a frame to keep to, in nanoseconds.
+    /// Target time of a frame, in nanoseconds.
     pub target_frame_time_ns: u64,
     /// The fewest lights, at least 1.
     pub least_lights: usize,
@@ -67,12 +68,12 @@ impl Default for BudgetOptions {
     }
 }
 
-/// What the next frame may have.
+/// Numbers of lights and shadow maps of the next frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quality {
     /// Length of the prefix.
     pub lights: usize,
-    /// Shadow maps: in proportion to the lights, within their own bounds, never more than lights.
+    /// Number of shadow maps: in proportion to the lights, within their own bounds, never more than lights.
     pub shadow_maps: usize,
 }
 
@@ -83,33 +84,33 @@ enum Phase {
     Rising,
 }
 
-/// The controller. Its answer depends on nothing but the frame times it was given.
+/// The controller. Its output depends only on the frame times it was given.
 #[derive(Clone, Debug)]
 pub struct Budget {
     options: BudgetOptions,
     phase: Phase,
-    /// The lights, with the fraction that slow changes need.
+    /// The number of lights, with the fractional part that slow changes need.
     level: f64,
-    /// Affordable lights of the last frames, a ring.
+    /// Affordable lights of the last frames, a ring buffer.
     affordable: [f64; SLOW],
-    /// Frames in the ring, and the place of the next.
+    /// Number of frames in the ring, and the index of the next.
     filled: usize,
     next: usize,
     /// Lights when the phase began.
     entered_lights: f64,
-    /// Frames for which the fall or rise has been at its end, or for which there has been spare time: medians
-    /// trail behind what has just changed, and one may be an accident.
+    /// Number of frames for which the condition to end the fall or rise, or the condition for spare time, has
+    /// held: medians lag behind recent changes, and a single one may be chance.
     leaving_frames: usize,
-    /// Frames until spare time may be used again, and as many after the next failure.
+    /// Frames until spare time may be used again, and the number of such frames after the next failure.
     barred_frames: u32,
     patience_frames: u32,
 }
 
 impl Budget {
-    /// Starts half way between the bounds, as a ratio.
+    /// Starts at the geometric mean of the bounds.
     ///
     /// # Errors
-    /// `Usage` for a target of 0, for bounds that are not in order, for 0 or more than [`MAX_LIGHTS`] lights,
+    /// `Usage` for a target of 0, for bounds in the wrong order, for 0 or more than [`MAX_LIGHTS`] lights,
     /// and for more shadow maps than lights.
     pub fn new(options: BudgetOptions) -> Result<Self> {
         let BudgetOptions {
@@ -147,7 +148,7 @@ impl Budget {
         })
     }
 
-    /// The quality of the frame to come; at the start that of the first.
+    /// The quality of the next frame.
     pub fn quality(&self) -> Quality {
         let BudgetOptions { most_lights, least_shadow_maps, most_shadow_maps, .. } = self.options;
         let lights = self.level as usize;
@@ -156,14 +157,15 @@ impl Budget {
         Quality { lights, shadow_maps }
     }
 
-    /// Takes the time of a frame that was rendered at [`Budget::quality`] and gives the quality of the next.
+    /// Takes the time of a frame that was rendered at [`Budget::quality`] and returns the quality of the
+    /// next.
     ///
-    /// Frame times come to within 10 % of the target, or as near as the bounds let them; where one light more
-    /// (below ten lights) or one shadow map more makes more than a tenth, they may stay lower. From then on
-    /// nothing changes while frame times scatter by 5 %. In overload at most a tenth of the lights goes in a
-    /// frame, from the fourth slow frame on; of spare time at most a fiftieth is added, after a second.
-    /// (Numbers are whole: one more light at either.) Times that come a few frames late only make a fall go
-    /// too far by as many frames.
+    /// Frame times converge to within 10 % of the target, or as close as the bounds allow; where one more
+    /// light (below ten lights) or one more shadow map costs more than a tenth, they may stay lower. From
+    /// then on nothing changes while frame times scatter by 5 %. In overload at most a tenth of the lights is
+    /// removed per frame, from the fourth slow frame on; with spare time at most a fiftieth is added, after a
+    /// second. (Numbers are integers: either may be one light more.) Frame times that arrive a few frames
+    /// late only make a fall overshoot by as many frames.
     pub fn step(&mut self, frame_time_ns: u64) -> Quality {
         let time = frame_time_ns.max(1) as f64 / self.options.target_frame_time_ns as f64;
         self.affordable[self.next] = self.level.floor() / time;
@@ -181,7 +183,7 @@ impl Budget {
         let lights = self.level.floor();
         let (fast, slow) = (self.median(FAST), self.median(SLOW));
         let is_overloaded = fast < lights / (1.0 + BAND) && lights > least;
-        // Whole lights: less than one more is no spare time.
+        // Lights are integers: room for less than one more light is not spare time.
         let can_rise = |multiple: f64| slow >= (multiple * lights).max(lights + 1.0) && lights < most;
         let is_full = self.filled == SLOW;
         let may_leave = match self.phase {
@@ -197,7 +199,7 @@ impl Budget {
                 self.enter(Phase::Falling);
             }
             Phase::Steady if has_ended => self.enter(Phase::Rising),
-            // The last light may have brought a shadow map, and both together too much.
+            // The last light may have brought a shadow map, and both together may cost too much.
             Phase::Rising if is_overloaded || has_ended && RISE_ENDS * slow < lights => {
                 if lights > self.entered_lights {
                     self.barred_frames = self.patience_frames;
@@ -207,8 +209,9 @@ impl Budget {
             }
             Phase::Rising if has_ended => self.enter(Phase::Steady),
             Phase::Falling if has_ended => {
-                // Frames from before the overload would show spare time that is gone. A fall in large steps
-                // may have gone too far; what it left is used up, unless that has just failed.
+                // Frames from before the overload would indicate spare time that no longer exists. A fall in
+                // large steps may have overshot; the remaining time is then used, unless a rise has just
+                // failed.
                 self.filled = 0;
                 self.enter(if self.barred_frames == 0 { Phase::Rising } else { Phase::Steady });
             }
@@ -235,7 +238,7 @@ impl Budget {
         self.entered_lights = self.level;
     }
 
-    /// Median of the affordable lights of the last `count` frames, or of those there are.
+    /// Median of the affordable lights of the last `count` frames, or of as many as there are.
     fn median(&self, count: usize) -> f64 {
         let count = count.min(self.filled);
         let mut sorted = [0.0; SLOW];

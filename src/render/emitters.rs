@@ -1,7 +1,7 @@
 use lightcast_core::image::PolarMap;
 use lightcast_core::light::Light;
 
-/// Every pixel of a map that has power as a light of its own: what a reference picture is lit by.
+/// A light for every pixel of a map that has power, which together light a reference picture.
 pub fn emitters(map: &PolarMap) -> Vec<Light> {
     let columns = map.shape.columns();
     let lit = map.pixels.iter().enumerate().filter(|(_, pixel)| pixel.iter().any(|&v| v > 0.0));
@@ -12,7 +12,7 @@ pub fn emitters(map: &PolarMap) -> Vec<Light> {
             id: index as u32,
             direction: map.shape.pixel_direction(row, column).as_vec3().to_array(),
             irradiance: pixel.map(|radiance| (f64::from(radiance) * solid_angle) as f32),
-            // Its neighbours stand for what lies beside its middle.
+            // The spread of a pixel is neglected, since its neighbours are lights too.
             spread_rad: 0.0,
         }
     })

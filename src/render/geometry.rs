@@ -1,4 +1,4 @@
-//! A scene on the device: vertices and triangles once, matrices in every frame.
+//! A scene on the device: vertices and triangles are uploaded once, matrices in every frame.
 
 use crate::error::{Error, Result};
 use crate::gpu::{Array, Gpu};
@@ -8,17 +8,17 @@ use glam::Mat4;
 use std::ops::Range;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
-/// Layout of [`Vertex`] for passes that read all of it.
+/// Layout of [`Vertex`] for passes that read all attributes.
 pub(super) const VERTEX_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
     array_stride: size_of::<Vertex>() as u64,
     step_mode: wgpu::VertexStepMode::Vertex,
     attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Float32x4],
 };
 
-/// Source of what [`Instance`] and a material are in WGSL.
+/// Source of the WGSL counterparts of [`Instance`] and of a material.
 pub(super) const SOURCE: &str = include_str!("../../shaders/scene.wgsl");
 
-/// Layout for passes that need positions alone.
+/// Layout for passes that need only positions.
 pub(super) const POSITION_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
     array_stride: size_of::<Vertex>() as u64,
     step_mode: wgpu::VertexStepMode::Vertex,
@@ -36,25 +36,25 @@ pub(super) struct Instance {
     pub pad: [u32; 3],
 }
 
-/// What one draw call draws.
+/// Parameters of one draw call.
 #[derive(Clone, Debug)]
 pub(super) struct Draw {
     pub indices: Range<u32>,
     pub base_vertex: i32,
     pub material: usize,
     pub roles: Roles,
-    /// Whether the material has holes.
+    /// Whether the material has cut-outs (alpha test).
     pub is_cut_out: bool,
 }
 
-/// A scene's triangles and where they stand.
+/// A scene's triangles and poses.
 pub(super) struct Geometry {
     pub vertices: wgpu::Buffer,
     pub indices: wgpu::Buffer,
     pub instances: Array<Instance>,
     /// One for each instance, in their order.
     pub draws: Vec<Draw>,
-    /// Box about the casters and about everything, as posed last.
+    /// Bounding boxes of the shadow casters and of everything, as last posed.
     pub casters: Bounds,
     pub all: Bounds,
     posed: Vec<Instance>,
@@ -97,7 +97,7 @@ impl Geometry {
                 }
             })
             .collect();
-        // Buffers of no bytes cannot be bound.
+        // Empty buffers cannot be bound.
         if vertices.is_empty() {
             vertices.push(Vertex::default());
         }
@@ -118,12 +118,13 @@ impl Geometry {
         })
     }
 
-    /// Puts the scene's instances where `world_from_mesh` says.
+    /// Poses the scene's instances by `world_from_mesh`.
     pub fn pose(&mut self, gpu: &Gpu, scene: &Scene, world_from_mesh: &[Mat4]) {
         self.posed.clear();
         let matrices = scene.instances.iter().zip(world_from_mesh);
         self.posed.extend(matrices.map(|(instance, &world_from_mesh)| {
-            // Normals turn by the inverse transpose; a flattened mesh has none, and is seen from its edge.
+            // Normals transform by the inverse transpose; a flattened mesh has no inverse, and is visible
+            // only edge-on.
             let inverse = world_from_mesh.inverse();
             let normal_from_mesh = if inverse.is_finite() { inverse.transpose() } else { world_from_mesh };
             let receives = u32::from(instance.roles.receives);

@@ -1,11 +1,11 @@
-//! Pictures of `tests/golden/`: what the renderer drew when somebody last looked at it.
+//! Reference pictures in `tests/golden/`: output of the renderer that was last inspected by a person.
 //!
-//! On lavapipe, which is what the pictures were drawn with, codes may differ by 0.1 in the mean and by 12 at
-//! most: other versions of it round differently, and a comparison with a shadow map that turns over moves a
-//! pixel by a few codes. On other adapters edges of triangles lie a little differently: there the mean alone
-//! is held, to 1 code.
+//! On lavapipe, with which the pictures were drawn, codes may differ by 0.1 in the mean and by 12 at most:
+//! other versions of it round differently, and a shadow-map comparison with a different result changes a
+//! pixel by a few codes. On other adapters the edges of triangles are rasterised slightly differently: there
+//! only the mean is checked, to 1 code.
 //!
-//! `LIGHTCAST_RENEW_GOLDEN=1 cargo test golden` draws them anew. Look at them before they are committed.
+//! `LIGHTCAST_RENEW_GOLDEN=1 cargo test golden` redraws them. Inspect them before committing.
 
 use super::test_scenes::*;
 use super::{DirectionalOptions, Options, Renderer};
@@ -83,7 +83,7 @@ fn phong_torus_under_three_hard_lights() {
     check("phong", scene, &lights, &options);
 }
 
-/// A torus before a sphere, both on the ground, the torus with these roles.
+/// A torus in front of a sphere, both on the ground, the torus with these roles.
 fn torus_with(roles: Roles) -> Scene {
     let meshes = vec![
         (moved(torus(48, 0.35, 0), Vec3::new(-0.9, -0.6, 0.9)), true),

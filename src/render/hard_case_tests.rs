@@ -1,4 +1,4 @@
-//! Input that is meant to do harm.
+//! Adversarial input.
 
 use super::test_scenes::*;
 use super::{DirectionalOptions, Options, Renderer};
@@ -16,7 +16,7 @@ fn renderer(scene: Scene) -> Option<Renderer> {
     Gpu::for_test().map(|gpu| Renderer::new(gpu, scene, &OPTIONS).unwrap())
 }
 
-/// Draws, and gives the pixels after a check that all are finite and none is negative.
+/// Draws, checks that all pixels are finite and none is negative, and returns them.
 fn draw(renderer: &mut Renderer, lights: &[Light], camera: &Camera) -> Vec<[f32; 4]> {
     renderer.draw(lights, camera, 1).unwrap();
     let mut pixels = Vec::new();
@@ -26,7 +26,7 @@ fn draw(renderer: &mut Renderer, lights: &[Light], camera: &Camera) -> Vec<[f32;
     pixels
 }
 
-/// Bottom left: ground in the open.
+/// The bottom left pixel, which shows unshadowed ground.
 fn open_ground(pixels: &[[f32; 4]]) -> [f32; 4] {
     pixels[((OPTIONS.height_px - 1) * OPTIONS.width_px) as usize]
 }
@@ -36,7 +36,7 @@ fn no_lights_and_lights_without_power_give_a_black_picture_of_the_surfaces() {
     let Some(mut renderer) = renderer(sphere_on_ground(metal(0.3))) else { return };
     let dark = |id| Light { irradiance: [0.0; 3], ..light(id, Vec3::new(0.1, 1.0, id as f32), 1.0) };
     let many: Vec<Light> = (0..200).map(dark).collect();
-    // After a frame with light: nothing of it may be left.
+    // A frame with light comes first: nothing of it may remain.
     let before = draw(&mut renderer, &sky(100), &camera());
     for lights in [&[][..], &many[..1], &many] {
         let pixels = draw(&mut renderer, lights, &camera());
@@ -59,7 +59,8 @@ fn a_light_of_1e8_beside_lights_of_a_thousandth() {
     let expected = 0.5 / std::f32::consts::PI * 1e8 * direction.y;
     let found = open_ground(&pixels)[1];
     assert!((found / expected - 1.0).abs() < 5e-3, "{found} {expected}");
-    // In the sun's shadow the weak ones are still there: ground just behind the sphere, seen from above.
+    // In the sun's shadow the weak lights are still visible: the ground just behind the sphere, seen from
+    // above.
     let above = Camera { eye: Vec3::new(0.0, 12.0, 0.0), up: Vec3::Z, ..camera() };
     let dark = draw(&mut renderer, &lights, &above);
     let least =
@@ -87,7 +88,7 @@ fn lights_along_the_view_and_along_the_axes() {
                 }
             }
         }
-        // A camera that looks exactly along a light that is exactly straight down.
+        // A camera that looks straight down, exactly along a light.
         let above = Camera { eye: Vec3::new(0.0, 9.0, 0.0), up: Vec3::Z, ..camera() };
         for direction in [Vec3::Y, Vec3::NEG_Y] {
             let pixels = draw(&mut renderer, &[light(0, direction, 1.0)], &above);
@@ -119,7 +120,7 @@ fn scenes_of_nothing_of_flat_casters_and_of_flattened_meshes() {
     for (name, scene, shadows) in scenes {
         let is_empty = scene.instances.is_empty();
         let Some(mut renderer) = renderer(scene) else { return };
-        // Along the flat casters too, and edge on.
+        // Directions include those along the flat casters, edge-on.
         for direction in [Vec3::new(0.8, 0.6, 0.0), Vec3::Y, Vec3::X, Vec3::NEG_Y, Vec3::new(0.0, 1e-4, 1.0)]
         {
             let pixels = draw(&mut renderer, &[light(0, direction, 1.0)], &camera());
@@ -259,7 +260,7 @@ fn a_scene_far_from_the_origin_looks_like_one_at_it() {
     let Some(mut near) = renderer(sphere_on_ground(lambert())) else { return };
     let lights = [light(0, Vec3::new(0.5, 0.7, 0.3), 1.0)];
     let expected = draw(&mut near, &lights, &camera());
-    // Floats hold no finer steps than 1/1024 there.
+    // Floats have a resolution of only 1/1024 there.
     let away = Vec3::new(8192.0, 0.0, -8192.0);
     let mut scene = sphere_on_ground(lambert());
     scene.nodes[0].transform = Transform::Matrix(Mat4::from_translation(away));
@@ -273,7 +274,7 @@ fn a_scene_far_from_the_origin_looks_like_one_at_it() {
 
 #[test]
 fn a_roof_in_the_plane_of_the_box_s_top_casts_its_shadow() {
-    // Of all heights some are rounded up and some down.
+    // Some of these heights are rounded up and some down.
     for y in [0.3, 0.7, 0.9, 1.1, 1.3] {
         let roof = moved(ground(1.0, 0.0, 0), Vec3::new(0.0, y, 0.0));
         let post = cuboid(Vec3::new(0.8, -1.0, 0.8), Vec3::new(0.9, y, 0.9), 0);

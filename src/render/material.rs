@@ -25,7 +25,7 @@ impl From<&Material> for MaterialUniform {
     fn from(material: &Material) -> Self {
         let (specular, gloss, metallic) = match material.shading {
             Shading::MetalRough { metallic, roughness } => ([0.0; 3], roughness, metallic),
-            // The sign tells the models apart, so an exponent of 0 must keep one.
+            // The sign distinguishes the models, so an exponent of 0 must still be negative.
             Shading::Phong { specular, exponent } => (specular, -exponent.max(1e-3), 0.0),
         };
         Self {
@@ -66,7 +66,7 @@ pub(super) struct Materials(Vec<wgpu::BindGroup>);
 
 impl Materials {
     /// # Errors
-    /// When a texture is larger than the device's.
+    /// When a texture is larger than the device supports.
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let layout = layout(gpu);
         let textures =
@@ -92,7 +92,7 @@ impl Materials {
                 material.normal_texture,
                 material.emissive_texture,
             ];
-            // One sampler for all: files that wrap the maps of one material differently are not known.
+            // One sampler serves all textures of a material: no files are known that wrap them differently.
             let wrapped = maps.iter().flatten().next().map_or(&white, |&index| &scene.textures[index]);
             let sampler = sampler(gpu, wrapped);
             let view = |map: Option<usize>| {
@@ -161,8 +161,8 @@ fn upload(gpu: &Gpu, texture: &Texture) -> Result<wgpu::TextureView> {
     Ok(made.create_view(&wgpu::TextureViewDescriptor::default()))
 }
 
-/// A texture and its halvings down to one pixel, one after the other: number of levels, and their bytes.
-/// Colours are averaged as linear light. A side of odd length counts its last pixel twice.
+/// The mip chain of a texture down to one pixel: number of levels, and their bytes one after the other.
+/// Colours are averaged as linear light. On a side of odd length the last pixel counts twice.
 fn mip_chain(texture: &Texture) -> (u32, Vec<u8>) {
     let decode = |byte: usize| {
         let value = byte as f32 / 255.0;

@@ -1,16 +1,16 @@
 //! Renders a scene under captured light with wgpu.
 //!
-//! A [`Renderer`] is a view and the lightings that add radiance to it:
+//! A [`Renderer`] consists of a view and the lightings that add radiance to it:
 //!
-//! - `view`: what a camera sees, whatever lights it: depth, normals and reflectances of every pixel,
-//!   radiance, and the way from radiance to a screen;
+//! - `view`: what a camera sees, independent of the lighting: depth, normals and reflectances of every pixel,
+//!   radiance, and the mapping of radiance to a screen;
 //! - `directional`: many directional lights with shadows (Havran et al. 2005, sections 4 and 5; METHODS
 //!   section 8);
 //! - `ambient`: the light of a ground that a capture does not see.
 //!
-//! A lighting has `prepare`, which takes what it is lit by, and `shade`, which adds to a view. The view knows
-//! no lighting by name, and no lighting knows how radiance comes to a screen. Every pass is one file, beside
-//! its shader of the same folder and name in `shaders/`.
+//! A lighting has `prepare`, which takes its lights, and `shade`, which adds radiance to a view. The view
+//! does not depend on any lighting, and no lighting depends on how radiance is mapped to a screen. Every pass
+//! is one file, and its shader has the same folder and name in `shaders/`.
 
 mod ambient;
 pub mod budget;

@@ -8,15 +8,15 @@ pub struct Options {
     pub width_px: u32,
     /// Rows of the picture.
     pub height_px: u32,
-    /// The kinds of lighting that add up.
+    /// The lightings that are summed.
     pub lighting: Lightings,
-    /// For [`Lightings::directional`].
+    /// Options of [`Lightings::directional`].
     pub directional: DirectionalOptions,
-    /// For [`Lightings::ambient`]: albedo, 0 to 1, of the ground below the horizon; 0: no light from it.
+    /// Albedo, 0 to 1, of the ground below the horizon, whose light [`Lightings::ambient`] adds; 0: none.
     pub ground_albedo: f32,
 }
 
-/// The lightings that add radiance to a view, each named as its folder.
+/// The lightings that add radiance to a view, each named after its folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lightings {
     /// Directional lights with shadows.
@@ -42,7 +42,7 @@ impl Default for Options {
     }
 }
 
-/// Largest side of a picture: beyond what any scene needs, and small enough that no product overflows.
+/// Largest side of a picture: more than any scene needs, and small enough that no product overflows.
 const MAX_SIDE_PX: u32 = 16_384;
 
 impl Options {
@@ -51,7 +51,7 @@ impl Options {
         self.width_px as usize * self.height_px as usize
     }
 
-    /// Refuses what the device cannot do, before anything is allocated.
+    /// Refuses options that the device does not support, before anything is allocated.
     pub(super) fn check(&self, limits: &wgpu::Limits) -> Result<()> {
         let most_px = MAX_SIDE_PX.min(limits.max_texture_dimension_2d);
         let side = 1..=most_px;

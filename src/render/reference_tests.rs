@@ -1,4 +1,4 @@
-//! The reference picture, samples of a pixel, and what emits by itself.
+//! The reference picture, multisampling, and emissive surfaces.
 
 use super::test_scenes::*;
 use super::{DirectionalOptions, Options, Renderer};
@@ -31,13 +31,13 @@ fn assert_near(found: &[[f32; 4]], expected: &[[f32; 4]], tolerance: f32) {
 fn the_reference_is_the_sum_over_its_lights() {
     let Some(gpu) = Gpu::for_test() else { return };
     let mut renderer = Renderer::new(gpu, sphere_on_ground(metal(0.4)), &SMALL).unwrap();
-    // Not a whole number of batches, and ids that repeat from batch to batch.
+    // The number of lights is not a multiple of the batch, and ids repeat from batch to batch.
     let mut emitters = sky(11);
     emitters.iter_mut().for_each(|light| light.id %= 4);
     for samples in [1, 3] {
         let mut sum = vec![[0.0f32; 4]; SMALL.pixels()];
         for light in &emitters {
-            // Alone, as reference: one hard light with a map of its own.
+            // Each light is drawn alone as a reference: one hard light with its own shadow map.
             renderer.draw_reference(&[*light], &camera(), samples, |_| true).unwrap();
             for (sum, pixel) in sum.iter_mut().zip(radiance(&renderer)) {
                 (0..3).for_each(|channel| sum[channel] += pixel[channel]);
@@ -52,7 +52,8 @@ fn the_reference_is_the_sum_over_its_lights() {
         assert!(renderer.draw_reference(&emitters, &camera(), samples, &mut keep).unwrap());
         assert_eq!(progress, [4, 8, 11]);
         assert_near(&radiance(&renderer), &sum, 3e-6);
-        // Who says no after a pass gets no more of them, and the last is not in vain.
+        // Returning false after a pass ends the picture, except after the last pass, when it is complete
+        // anyway.
         for (last, is_whole) in [(4, false), (8, false), (11, true)] {
             let mut progress = Vec::new();
             let until = |done| {
@@ -83,7 +84,7 @@ fn one_light_draws_as_its_reference() {
 #[test]
 fn emission_is_counted_once_and_samples_weigh_one_in_all() {
     let Some(gpu) = Gpu::for_test() else { return };
-    // Numbers that halves hold exactly.
+    // Numbers that half floats represent exactly.
     let glow = [0.5, 0.25, 2.0];
     let material = Material { emissive: glow, ..Material::lambert([0.0; 3]) };
     let plane = scene(vec![(ground(50.0, 0.0, 0), false)], vec![material]);

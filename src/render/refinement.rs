@@ -1,21 +1,21 @@
-//! A picture that gets better while nothing moves: every further frame adds a sample to each pixel, until
-//! there are enough.
+//! Progressive refinement of a static picture: every further frame adds a sample to each pixel, until there
+//! are enough.
 
-/// What the next frame does.
+/// The work of the next frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Work {
-    /// Draw anew, see [`Renderer::draw`](super::Renderer::draw).
+    /// Draw a new picture, see [`Renderer::draw`](super::Renderer::draw).
     Draw,
     /// Add a sample, see [`Renderer::refine`](super::Renderer::refine).
     Refine {
         /// Samples that the picture holds.
         drawn: u32,
     },
-    /// Nothing: the picture is as good as it gets.
+    /// Nothing: the picture has all its samples.
     Nothing,
 }
 
-/// Keeps count of the samples of a picture.
+/// Counts the samples of a picture.
 #[derive(Clone, Debug)]
 pub struct Refinement {
     per_frame: u32,
@@ -24,8 +24,8 @@ pub struct Refinement {
 }
 
 impl Refinement {
-    /// Frames of a moving picture have `per_frame` samples a pixel (0 counts as 1); one that stands still
-    /// gets up to `most`.
+    /// Frames of a moving picture have `per_frame` samples per pixel (0 counts as 1); a static one gets up to
+    /// `most`.
     pub fn new(per_frame: u32, most: u32) -> Self {
         Self { per_frame: per_frame.max(1), most, drawn: 0 }
     }
@@ -35,8 +35,8 @@ impl Refinement {
         self.drawn
     }
 
-    /// The work of the next frame, which is taken as done. `has_changed`: something that is seen has changed
-    /// since the last one.
+    /// The work of the next frame, which is then assumed to be done. `has_changed`: something visible has
+    /// changed since the last frame.
     pub fn step(&mut self, has_changed: bool) -> Work {
         let drawn = self.drawn;
         if has_changed || drawn == 0 {
@@ -50,7 +50,7 @@ impl Refinement {
         }
     }
 
-    /// Whether nothing is to be done unless something changes.
+    /// Whether there is nothing to do until something changes.
     pub fn is_done(&self) -> bool {
         self.drawn > 0 && self.drawn >= self.most
     }

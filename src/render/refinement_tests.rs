@@ -91,7 +91,8 @@ fn lower_quality_is_what_was_built_with_fewer_lights_and_maps() {
     renderer.set_quality(Quality { lights: 12, shadow_maps: 5 });
     renderer.draw(&lights, &camera, 1).unwrap();
     let lower = radiance(&renderer);
-    // Lights that had a tile keep it, so that another five may cast: the shadows may differ, most pixels not.
+    // Lights that had a tile keep it, so that five other lights may cast shadows: the shadows may differ, but
+    // most pixels may not.
     let differs = rms_apart(&lower, &radiance(&built)) / rms_apart(&lower, &full);
     assert!(differs < 1.0, "{differs}");
     assert!(most_apart(&lower, &full) > 1e-2);

@@ -15,16 +15,16 @@ mod output;
 /// Renders one scene, frame after frame, at one size: a view, and the lightings that add radiance to it.
 pub struct Renderer {
     gpu: Gpu,
-    /// As built; what is allocated follows them.
+    /// The options as built; they determine what is allocated.
     options: Options,
-    /// What of them the next frame uses.
+    /// The part of them that the next frame uses.
     quality: Quality,
     world: World,
     view: View,
     /// `None`: this lighting adds nothing.
     directional: Option<Directional>,
     ambient: Option<Ambient>,
-    /// Where pictures that are read back are drawn.
+    /// The render target of pictures that are read back.
     picture: wgpu::Texture,
     timer: Timer,
 }
@@ -33,16 +33,16 @@ pub struct Renderer {
 const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 
 impl Renderer {
-    /// Puts `scene` on the device, posed as at time 0.
+    /// Uploads `scene` to the device, posed as at time 0.
     ///
     /// # Errors
-    /// Kind `Usage` for options that the device cannot do; for a scene that it cannot hold; those of the
-    /// device.
+    /// Kind `Usage` for options that the device does not support; for a scene that it cannot hold; those of
+    /// the device.
     pub fn new(gpu: Gpu, scene: Scene, options: &Options) -> Result<Self> {
         Self::for_screen(gpu, scene, options, PICTURE_FORMAT)
     }
 
-    /// [`Self::new`], to [`present`](Self::present) on targets of `format`, which must code as sRGB.
+    /// [`Self::new`], to [`present`](Self::present) on targets of `format`, which must be an sRGB format.
     ///
     /// # Errors
     /// As `new`.
@@ -95,7 +95,7 @@ impl Renderer {
         &self.world.scene
     }
 
-    /// Moves the scene to where its animations have it at `time_s`.
+    /// Poses the scene by its animations at `time_s`.
     pub fn pose(&mut self, time_s: f64) {
         self.world.pose(&self.gpu, time_s);
     }
@@ -105,16 +105,16 @@ impl Renderer {
         self.world.default_camera(self.options.width_px as f32 / self.options.height_px as f32)
     }
 
-    /// Looks like this from the next frame on; until the first call it has the default look.
+    /// Sets the look from the next frame on; until the first call it is the default look.
     ///
     /// # Errors
-    /// Kind `Usage` for what the device cannot show.
+    /// Kind `Usage` for a look that the device does not support.
     pub fn set_look(&mut self, look: &Look) -> Result<()> {
         self.view.set_look(&self.gpu, look)
     }
 
-    /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists
-    /// before.
+    /// Releases all shadow maps, as a frame without lights does: which lights have one depends on earlier
+    /// lists.
     pub fn release_shadow_maps(&mut self) {
         if let Some(directional) = &mut self.directional {
             directional.release_shadow_maps(&self.options.directional);
@@ -139,9 +139,9 @@ impl Renderer {
         self.gpu.check()
     }
 
-    /// The reference: all `emitters` as lights with hard shadows and shadow maps of their own, added up over
-    /// as many passes as that takes. `goes_on` is asked after every pass, with the emitters done so far; when
-    /// it says no, the picture is of those. Returns whether it is of all.
+    /// The reference: all `emitters` as lights with hard shadows and their own shadow maps, summed over as
+    /// many passes as needed. `goes_on` is called after every pass with the number of emitters done so far;
+    /// when it returns false, the picture has only those. Returns whether the picture has all emitters.
     ///
     /// # Errors
     /// Those of the device.
@@ -163,7 +163,7 @@ impl Renderer {
         };
         let count = samples.max(1);
         let mut done = 0;
-        // A scene without light still shows what emits by itself.
+        // A scene without light still shows emissive surfaces.
         for lights in emitters.chunks(batch).chain(emitters.is_empty().then_some(&[][..])) {
             self.timer.restart();
             self.prepare(lights, &options);
@@ -182,13 +182,12 @@ impl Renderer {
         Ok(true)
     }
 
-    /// Lets the device catch up after every so many samples: a queue of thousands of passes would fill its
-    /// memory.
+    /// Waits for the device after a number of samples: a queue of thousands of passes would fill its memory.
     fn pause(&self, sample: u32) -> Result<()> {
         if sample % 32 == 31 { self.gpu.wait() } else { Ok(()) }
     }
 
-    /// What the samples that follow are lit by.
+    /// Sets the lights of the samples that follow.
     fn prepare(&mut self, lights: &[Light], options: &DirectionalOptions) {
         if let Some(directional) = &mut self.directional {
             directional.prepare(&self.gpu, &mut self.timer, lights, &self.world, options);
@@ -230,7 +229,7 @@ fn picture(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) ->
 
 #[cfg(test)]
 impl Renderer {
-    /// Waits for the frame drawn last: what its last sample saw, and what it was lit by.
+    /// Waits for the frame drawn last: the surfaces of its last sample, and its lights.
     pub(super) fn read_back(
         &self,
     ) -> (super::view::seen_twin::SeenFrame, super::directional::DirectionalFrame) {

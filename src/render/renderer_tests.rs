@@ -21,7 +21,7 @@ fn renderer(scene: Scene, options: &Options) -> Option<Renderer> {
     Gpu::for_test().map(|gpu| Renderer::new(gpu, scene, options).unwrap())
 }
 
-/// Radiance of the pixels that show nothing but surface.
+/// Radiance of the pixels that are fully covered by a surface.
 fn surfaces(renderer: &Renderer) -> Vec<[f32; 4]> {
     let mut pixels = Vec::new();
     renderer.read_radiance(&mut pixels).unwrap();
@@ -66,7 +66,8 @@ fn phongs_lobe_reflects_all_at_normal_incidence() {
         else {
             return;
         };
-        // Turned lights are other lights: the mean over many sets shows what is wrong, not where lights lie.
+        // Rotated lights are different sets of lights: the mean over many sets shows systematic errors, not
+        // the positions of lights.
         let mut sum = 0.0;
         for turn in 0..64 {
             let mut lights = furnace(2000);
@@ -89,7 +90,7 @@ fn a_lambertian_ground_under_one_light_is_what_lambert_says() {
     renderer.draw(&[light(0, direction, 3.0)], &camera(), 1).unwrap();
     let mut pixels = Vec::new();
     renderer.read_radiance(&mut pixels).unwrap();
-    // Bottom left: ground in the open.
+    // The bottom left pixel shows unshadowed ground.
     let found = pixels[(SMALL.height_px as usize - 1) * SMALL.width_px as usize][0];
     let expected = 0.5 / std::f32::consts::PI * 3.0 * direction.y;
     assert!((found / expected - 1.0).abs() < 2e-3, "{found} {expected}");
@@ -118,7 +119,7 @@ fn released_shadow_maps_go_to_the_lights_of_most_power() {
     };
     let fresh = drawn(&lights(1.1), true);
     drawn(&lights(0.9), true);
-    // A tenth brighter is not enough to take the only map over.
+    // A tenth brighter is not enough to take over the only shadow map.
     assert_ne!(drawn(&lights(1.1), false), fresh);
     assert_eq!(drawn(&lights(1.1), true), fresh);
 }

@@ -1,4 +1,4 @@
-//! Instances that are held out, unseen, cast no shadows or receive none.
+//! Instances that are held out, invisible, cast no shadows or receive none.
 
 use super::test_scenes::*;
 use super::{DirectionalOptions, Options, Renderer};
@@ -31,8 +31,9 @@ fn drawn(sphere: Roles, ground: Roles, samples: u32) -> Option<Vec<[f32; 4]>> {
 
 #[test]
 fn object_and_ground_drawn_apart_add_up_to_the_picture_of_both() {
-    // The object hides the ground behind it: alpha says where. With one sample a pixel shows the one or the
-    // other; with several the sum is exact but for the pixels at its edge, in which both are seen.
+    // The object hides the ground behind it, as alpha indicates. With one sample a pixel shows one or the
+    // other; with several the sum is exact except for the pixels at the object's edge, in which both are
+    // visible.
     for samples in [1, 16] {
         let Some(both) = drawn(Roles::ALL, Roles::NO_SHADOW, samples) else { return };
         let object = drawn(Roles::ALL, Roles::NONE, samples).unwrap();
@@ -67,7 +68,7 @@ fn what_is_held_out_casts_what_it_casts_when_it_is_seen() {
         shadowed += usize::from(pixel[1] < 0.7 * open[index][1]);
     }
     assert!(shadowed > 100, "{shadowed}");
-    // No trace of the object itself, which glows red.
+    // There is no trace of the object itself, which emits red.
     assert!(held_out.iter().all(|[r, g, _, _]| *r <= 2.0 * g));
 }
 

@@ -8,7 +8,7 @@ use crate::scene::{Material, Scene};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The files of `shaders/` as the passes join them.
+/// The files of `shaders/` as the passes concatenate them.
 const JOINED: [&[&str]; 10] = [
     &["inset"],
     &["scene", "view/surface"],
@@ -22,7 +22,7 @@ const JOINED: [&[&str]; 10] = [
     &["view/seen", "brdf", "directional/light_space", "directional/visibility", "directional/shade"],
 ];
 
-/// Names of the shaders in a folder and below it, without their ending.
+/// Names of the shaders in a folder and below it, without their extension.
 fn names_in(folder: &Path, before: &str, names: &mut BTreeSet<String>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

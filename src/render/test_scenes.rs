@@ -53,7 +53,7 @@ pub(super) fn sphere(segments: u32, material: usize) -> Mesh {
     Mesh { vertices, indices, material, bounds: Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE } }
 }
 
-/// A square of half side `half` at height `y`, facing up.
+/// A square of half-width `half` at height `y`, facing up.
 pub(super) fn ground(half: f32, y: f32, material: usize) -> Mesh {
     let corner = |x: f32, z: f32| Vertex {
         position: [x * half, y, z * half],
@@ -102,7 +102,7 @@ pub(super) fn metal(roughness: f32) -> Material {
     Material::new(Shading::MetalRough { metallic: 1.0, roughness }, [1.0; 3])
 }
 
-/// Slightly from above, the sphere in the middle.
+/// A view slightly from above, with the sphere in the middle.
 pub(super) fn camera() -> Camera {
     Camera {
         eye: Vec3::new(0.0, 2.5, 6.0),
@@ -119,8 +119,8 @@ pub(super) fn light(id: u32, direction: Vec3, irradiance: f32) -> Light {
     Light { id, direction, irradiance: [irradiance; 3], spread_rad: 0.0 }
 }
 
-/// `count` lights over the whole sphere that together are a surrounding of radiance 1, in an order whose
-/// beginnings cover the sphere evenly too.
+/// `count` lights over the whole sphere that together represent surroundings of radiance 1, in an order whose
+/// prefixes also cover the sphere evenly.
 pub(super) fn furnace(count: u32) -> Vec<Light> {
     let solid_angle = 4.0 * std::f32::consts::PI / count as f32;
     // RMS angle of a disc of this solid angle: its radius over the square root of two.
@@ -128,7 +128,7 @@ pub(super) fn furnace(count: u32) -> Vec<Light> {
     let mut lights: Vec<Light> = lightcast_core::math::fibonacci_sphere(count as usize)
         .map(|d| Light { spread_rad, ..light(0, d.as_vec3(), solid_angle) })
         .collect();
-    // Neighbours on the spiral come far from each other.
+    // Neighbours on the spiral are far apart in the order.
     let order = |i: u32| lightcast_core::sampling::halton(u64::from(i), 2);
     let mut places: Vec<u32> = (0..count).collect();
     places.sort_by(|&a, &b| order(a).total_cmp(&order(b)));
@@ -137,7 +137,7 @@ pub(super) fn furnace(count: u32) -> Vec<Light> {
     lights
 }
 
-/// A mesh carried to another place.
+/// A translated mesh.
 pub(super) fn moved(mut mesh: Mesh, by: Vec3) -> Mesh {
     for vertex in &mut mesh.vertices {
         vertex.position = (Vec3::from(vertex.position) + by).to_array();
@@ -146,8 +146,7 @@ pub(super) fn moved(mut mesh: Mesh, by: Vec3) -> Mesh {
     mesh
 }
 
-/// A ring about the y axis through radius 1, `thickness` the radius of its tube: convex outside, concave
-/// inside.
+/// A torus around the y axis with major radius 1 and tube radius `thickness`: convex outside, concave inside.
 pub(super) fn torus(segments: u32, thickness: f32, material: usize) -> Mesh {
     let (mut vertices, mut indices) = (Vec::new(), Vec::new());
     let angle = |i: u32| std::f32::consts::TAU * i as f32 / segments as f32;
@@ -168,7 +167,7 @@ pub(super) fn torus(segments: u32, thickness: f32, material: usize) -> Mesh {
     Mesh { vertices, indices, material, bounds: Bounds { min: -half, max: half } }
 }
 
-/// A box along the axes, its normals those of its sides.
+/// An axis-aligned box with the normals of its faces.
 pub(super) fn cuboid(min: Vec3, max: Vec3, material: usize) -> Mesh {
     let (mut vertices, mut indices) = (Vec::new(), Vec::new());
     for axis in 0..3 {

@@ -5,7 +5,7 @@ use crate::gpu::Gpu;
 use crate::scene::{Camera, Scene};
 use glam::Mat4;
 
-/// The scene and what of it lies on the device.
+/// The scene and its resources on the device.
 pub(super) struct World {
     pub scene: Scene,
     pub geometry: Geometry,
@@ -14,7 +14,7 @@ pub(super) struct World {
 }
 
 impl World {
-    /// Posed as at time 0.
+    /// Uploads a scene, posed as at time 0.
     ///
     /// # Errors
     /// For a scene that the device cannot hold.
@@ -26,7 +26,7 @@ impl World {
         Ok(world)
     }
 
-    /// Moves everything to where it is at `time_s`.
+    /// Poses everything as at `time_s`.
     pub fn pose(&mut self, gpu: &Gpu, time_s: f64) {
         self.scene.pose(time_s, &mut self.world_from_mesh);
         self.geometry.pose(gpu, &self.scene, &self.world_from_mesh);
@@ -35,7 +35,7 @@ impl World {
     /// The file's camera, or one that shows the whole scene in a picture of `aspect`.
     pub fn default_camera(&self, aspect: f32) -> Camera {
         let Geometry { casters, all, .. } = self.geometry;
-        // A ground reaches far beyond what stands on it.
+        // A ground extends far beyond the objects on it.
         let framed = if casters.is_empty() { all } else { casters };
         self.scene.camera.unwrap_or_else(|| Camera::framing(&framed, aspect))
     }

@@ -1,5 +1,5 @@
 //! Inputs for a report when none are named: three maps of different character, and two sequences. They are
-//! scripts as `lightcast synthesize` takes them, so everybody has the same.
+//! scripts for `lightcast synthesize`, so they are the same everywhere.
 
 use crate::error::{Result, TomlText};
 use crate::source::synthetic::{Script, Synthetic};
@@ -9,7 +9,7 @@ use lightcast_core::image::{Frame, PolarMap, PolarShape};
 /// A calculated scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuiltIn {
-    /// What reports call it.
+    /// Its name in reports.
     pub name: &'static str,
     script: &'static str,
 }
@@ -30,7 +30,7 @@ impl BuiltIn {
         Script::parse(&TomlText { path: self.name.into(), text: self.script.to_owned() }, None)
     }
 
-    /// How many frames it has, and how many there are a second.
+    /// The number of its frames, and of frames per second.
     ///
     /// # Errors
     /// Those of [`Script::parse`].
@@ -43,13 +43,13 @@ impl BuiltIn {
     /// frame; when it says no, the maps until then are all.
     ///
     /// # Errors
-    /// Those of [`Script::parse`] and [`FrameToPolar::new`], for shapes that cannot be.
+    /// Those of [`Script::parse`] and [`FrameToPolar::new`], for impossible shapes.
     pub fn maps(&self, shape: PolarShape, limit: usize, goes_on: impl Fn() -> bool) -> Result<Vec<PolarMap>> {
         let script = self.parsed()?;
         let frame_count = script.frames.min(limit);
         let mut frame_to_polar = FrameToPolar::new(script.projection(), script.world_from_camera(), shape)?;
         let mut source = Synthetic::new(script);
-        // The frames are radiance; a response has a table all the same, so one does for all.
+        // The frames are radiance; a response has a table all the same, so one is used for all.
         let (mut frame, response) = (Frame::default(), Response::default());
         let mut maps = Vec::with_capacity(frame_count);
         for index in 0..frame_count {

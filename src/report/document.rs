@@ -1,6 +1,6 @@
-//! What a report says: the figures, as the page shows them and as `report.json` holds them.
+//! The contents of a report: the figures, as the page shows them and as `report.json` holds them.
 //!
-//! `report.json` is one object. `version` is 1; a key is never given another meaning without a new version.
+//! `report.json` is one object. `version` is 1; the meaning of a key never changes without a new version.
 //!
 //! | key | meaning |
 //! |---|---|
@@ -39,7 +39,7 @@ pub struct Text {
 /// A whole report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Document {
-    /// Whether everything that was asked for is there.
+    /// Whether everything that was requested is there.
     pub is_complete: bool,
     /// When it was begun.
     pub date: String,
@@ -68,7 +68,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// Nothing yet, on this machine.
+    /// An empty report, on this machine.
     pub fn new(command: String, lights: Vec<usize>) -> Self {
         Self {
             is_complete: false,
@@ -99,7 +99,7 @@ impl Document {
         self.picture_means = means("geometric means over pictures under", command, &self.pictures);
     }
 
-    /// The table that stands for all of some: the means, or the only one.
+    /// The table that summarises several: the means, or the only one.
     pub fn summary<'a>(means: &'a Option<Table>, tables: &'a [Table]) -> Option<&'a Table> {
         means.as_ref().or(tables.first())
     }

@@ -1,14 +1,14 @@
 //! The truth that filtered lists are judged against.
 
 /// The truth of every frame passed through the taps as the light filter passes lists: the first frame, and
-/// the first after a gap longer than the filter, is taken for all time before; in a shorter gap the last one
+/// the first after a gap longer than the filter, stands for all earlier times; in a shorter gap the last one
 /// is held.
 pub(super) fn filtered(
     truth: &[Vec<f64>],
     lost_before: impl Iterator<Item = u64>,
     taps: &[f64],
 ) -> Vec<Vec<f64>> {
-    // Frames by their index, the newest last, those of the filter's length alone.
+    // Indices of frames, the newest last, limited to the filter's length.
     let mut history: Vec<usize> = Vec::new();
     let mut filtered = Vec::with_capacity(truth.len());
     for (t, lost) in lost_before.enumerate() {

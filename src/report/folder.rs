@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 const PAGE: &str = "index.html";
 
 /// Writes `index.html`, `report.json` and the plots into `folder`, which is made if it is not there. Files of
-/// the same names are replaced, each at once: whoever looks meanwhile sees the old or the new one. Returns
-/// the page's path.
+/// the same names are replaced, each atomically: readers see either the old or the new one. Returns the
+/// page's path.
 ///
 /// # Errors
 /// When the folder or a file cannot be written.
@@ -22,7 +22,7 @@ pub fn write(document: &Document, folder: &Path) -> Result<PathBuf> {
         replace(folder, &name, &svg)?;
     }
     replace(folder, "report.json", &document.to_json())?;
-    // Last, as it is what people look at.
+    // The page comes last, because it is what people look at.
     replace(folder, PAGE, &page(document))
 }
 
@@ -30,7 +30,7 @@ fn replace(folder: &Path, name: &str, text: &str) -> Result<PathBuf> {
     let (path, new) = (folder.join(name), folder.join(format!(".{name}.new")));
     let written = std::fs::write(&new, text).and_then(|()| std::fs::rename(&new, &path));
     written.map_err(|error| {
-        // A full disk leaves a piece; the old file still stands.
+        // A full disk leaves an incomplete file; the old one is still there.
         let _ = std::fs::remove_file(&new);
         Error::failed("a file of the report cannot be written").because(error).at(&path)
     })?;

@@ -8,8 +8,8 @@ use crate::scene::{Camera, Scene};
 use lightcast_core::light::Light;
 use std::time::{Duration, Instant};
 
-/// Passes in the order of a frame, as [`Renderer::read_times`] names them, and whether they are render passes
-/// alone.
+/// Passes in the order of a frame, as [`Renderer::read_times`] names them, and whether they are only render
+/// passes.
 pub const PASSES: [(&str, bool); 5] =
     [("regions", false), ("shadow maps", true), ("surfaces", true), ("shade", false), ("tone", false)];
 
@@ -17,7 +17,7 @@ pub const PASSES: [(&str, bool); 5] =
 const MOST_FRAMES: usize = 31;
 /// A frame that takes longer than this many budgets is measured once.
 const SLOW_BUDGETS: u32 = 4;
-/// What targets of [`Renderer::present`] are like.
+/// The format of targets of [`Renderer::present`].
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 
 /// Medians over some frames.
@@ -31,11 +31,11 @@ pub struct FrameTime {
     pub frames: usize,
 }
 
-/// A renderer whose frames are timed, with its scene's own camera and one sample a pixel.
+/// A renderer whose frames are timed, with its scene's own camera and one sample per pixel.
 pub struct Timed {
     /// The renderer.
     pub renderer: Renderer,
-    /// What it looks with.
+    /// Its camera.
     pub camera: Camera,
     target: wgpu::TextureView,
     are_compute_times_right: bool,
@@ -68,14 +68,14 @@ impl Timed {
         Ok(Self { renderer, camera, target, are_compute_times_right })
     }
 
-    /// Times frames under these lights: the first is not counted where it is quick, as it may set things up;
-    /// at least three are, until `budget` is spent; of slow ones (four budgets) one. The renderer forgets
-    /// what it drew before.
+    /// Times frames under these lights: the first does not count where frames are quick, as it may include
+    /// set-up work; at least three count, until `budget` is spent; of slow frames (four budgets) only one.
+    /// The renderer forgets what it drew before.
     ///
     /// # Errors
     /// Those of the device.
     pub fn measure(&mut self, lights: &[Light], budget: Duration) -> Result<FrameTime> {
-        // One light compiles what drivers compile late.
+        // One light makes drivers compile what they compile late.
         self.draw(&lights[..lights.len().min(1)])?;
         self.renderer.release_shadow_maps();
         let start = Instant::now();
@@ -121,7 +121,7 @@ pub fn is_in_software(gpu: &Gpu) -> bool {
     gpu.info.device_type == wgpu::DeviceType::Cpu
 }
 
-/// Lines that stand above every table: what it was measured on.
+/// Lines above every table, with the adapter and driver.
 pub fn heading(gpu: &Gpu) -> Vec<String> {
     let info = &gpu.info;
     let mut lines = vec![format!(

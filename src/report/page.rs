@@ -1,5 +1,4 @@
-//! A report as one HTML page that needs nothing else: no script, no other file, no network. It is well-formed
-//! XML too.
+//! A report as one self-contained HTML page: no script, no other file, no network. It is well-formed XML too.
 
 mod stability;
 #[cfg(test)]
@@ -12,11 +11,11 @@ use super::table::{Row, Table};
 use crate::picture::escaped;
 use std::fmt::Write;
 
-/// What stands below the unit of the time axis.
+/// The label of the time axis.
 const PER_MAP: Against = Against::Time("ms per map");
 const PER_FRAME: Against = Against::Time("ms per frame");
 
-/// What the words mean, in the order of the page.
+/// Explanations of the terms, in the order of the page.
 const METHODS: &str = "\
 <p>Time is the median of repeated runs on one thread: from the polar map to the list of lights with its own estimate of \
 its error; for sequences with the filter besides. Of a single map the first list is judged, of adaptive lights, which settle frame \
@@ -186,7 +185,7 @@ fn pictures(html: &mut String, document: &Document) {
     }
 }
 
-/// A table with its plot that opens on demand.
+/// A table with its plot, which opens on demand.
 fn folded(html: &mut String, of: &Table, against: Against) {
     let _ = writeln!(html, "<details><summary>{}</summary>", escaped(&of.name));
     figure_of(html, of, against, "Error against time.");

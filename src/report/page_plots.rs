@@ -3,7 +3,7 @@
 use super::table::{Row, Table};
 use crate::picture::{Panel, Plot, Series};
 
-/// What stands along x.
+/// The quantity along x.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Against {
     /// Time, of a map or a frame.

@@ -1,8 +1,8 @@
-//! The Pareto front: which methods no other beats in time and error both.
+//! The Pareto front: the methods that no other beats in both time and error.
 
 /// For every point (time, error), whether no other point has at most its time and at most its error, and less
-/// of one. Equal points are on the front together; so is the quickest of points without error. A point that
-/// is not finite is never on the front and never keeps another off it.
+/// of one. Equal points are on the front together; the quickest of the points without error is on it too. A
+/// point that is not finite is never on the front and never keeps another off it.
 pub fn front(points: &[(f64, f64)]) -> Vec<bool> {
     let is_finite = |point: &(f64, f64)| point.0.is_finite() && point.1.is_finite();
     let beats = |other: &(f64, f64), point: &(f64, f64)| {
@@ -21,12 +21,12 @@ pub struct Contender<'a> {
     pub lights: usize,
     /// Time in ms.
     pub time_ms: f64,
-    /// Error, or what else is better the smaller it is.
+    /// Error, or another value that is better the smaller it is.
     pub value: f64,
 }
 
-/// Says whether `ours` is on the front of `what` among those with as many lights, for every number of lights;
-/// where it is not, who beats it. Nothing when `ours` is not among them.
+/// Says for every number of lights whether `ours` is on the front of `what` among those with as many lights,
+/// and where it is not, which methods beat it. `None` when `ours` is not among them.
 pub fn finding(what: &str, ours: &str, contenders: &[Contender]) -> Option<String> {
     let (mut on, mut off) = (Vec::new(), Vec::new());
     for own in contenders.iter().filter(|contender| contender.method == ours) {
@@ -67,7 +67,7 @@ pub fn finding(what: &str, ours: &str, contenders: &[Contender]) -> Option<Strin
     }
 }
 
-/// A figure as tables have it: five decimals, or two and a power of ten where those would say little.
+/// A figure as tables show it: five decimals, or two and a power of ten where five would show too little.
 pub fn figure(value: f64) -> String {
     if value == 0.0 {
         "0".to_owned()

@@ -3,7 +3,7 @@
 use crate::picture::{PIXELS_PER_DEGREE, ToneCurve, flip, linear_from_srgb8};
 
 /// RMS difference of linear radiance over the pixels that show a surface in the reference, and over the three
-/// channels, relative to the mean of the reference over the same.
+/// channels, relative to the mean of the reference over the same pixels.
 ///
 /// Pixels are linear RGB and the share that shows a surface. Without surfaces 0; against a black reference 0
 /// for a black picture and infinite for any other.
@@ -28,8 +28,8 @@ pub fn relative_rms(reference: &[[f32; 4]], test: &[[f32; 4]]) -> f64 {
 }
 
 /// Mean FLIP over the pixels that show a surface in the reference; pixels as for [`relative_rms`], in rows of
-/// `width`. Both pictures are mapped to 8-bit sRGB by the one tone curve that suits the reference: curves of
-/// their own would hide differences of brightness. Without surfaces 0.
+/// `width`. Both pictures are mapped to 8-bit sRGB by the tone curve that suits the reference: individual
+/// curves would hide differences in brightness. Without surfaces 0.
 ///
 /// # Panics
 /// When the pictures are not of one size or `width` does not divide it.
@@ -47,6 +47,7 @@ pub fn mean_flip(reference: &[[f32; 4]], test: &[[f32; 4]], width: usize) -> f64
     if count == 0 { 0.0 } else { sum / count as f64 }
 }
 
+/// The middle value, or the upper of the two middle ones for an even number; `None` for no values.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -85,7 +86,7 @@ mod tests {
         let (slight, strong) =
             (mean_flip(&picture(1.0), &picture(1.1), 8), mean_flip(&picture(1.0), &picture(2.0), 8));
         assert!(0.0 < slight && slight < 0.5 * strong, "{slight} {strong}");
-        // Brightness is nothing in itself.
+        // The absolute brightness does not matter.
         assert!((mean_flip(&picture(1e4), &picture(2e4), 8) / strong - 1.0).abs() < 0.02);
     }
 
@@ -97,10 +98,10 @@ mod tests {
             let far = [[sky, sky, sky, 0.0]; 64];
             [picture, &[[0.0; 4]; 576], &far].concat()
         };
-        // Ten times as much of it as of the surface; the edge between them is one more difference.
+        // There is ten times as much sky as surface; the edge between them is one more difference.
         let with_sky = mean_flip(&beside(&reference, 0.0), &beside(&test, 0.0), 8);
         assert!((alone..1.5 * alone).contains(&with_sky), "{with_sky} {alone}");
-        // Nor does what differs in it.
+        // Nor do differences within the sky count.
         assert_eq!(mean_flip(&beside(&reference, 0.0), &beside(&reference, 1.0), 8), 0.0);
     }
 

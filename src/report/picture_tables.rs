@@ -9,14 +9,13 @@ use crate::error::Result;
 use crate::render;
 use lightcast_core::image::{PolarMap, PolarShape};
 
-/// What is measured of pictures.
+/// The measures of pictures.
 pub const OF_PICTURES: [Measure; 2] = [
     Measure { key: "rms", name: "image error (RMS)", ranked: true },
     Measure { key: "flip", name: "image error (FLIP)", ranked: true },
 ];
 
-/// Numbers of lights of the pictures unless others are asked for: powers of four, as each is a picture to be
-/// drawn.
+/// Default numbers of lights of the pictures: powers of four, because a picture has to be drawn for each.
 pub const COUNTS: [usize; 4] = [4, 16, 64, 256];
 
 /// Size of the maps: the reference has a light for every pixel.
@@ -28,15 +27,15 @@ pub const SIZE: [u32; 2] = [160, 120];
 /// The most lights of a picture, each of which has a shadow map.
 pub const MOST_LIGHTS: usize = pictures::COUNTS[pictures::COUNTS.len() - 1];
 
-/// Settings of pictures of at most so many lights, a shadow map for every one, and at least 256: the
-/// reference is drawn in passes of so many. No more than that: a driver in software clears all of them for
-/// every picture, and some versions of Mesa's never give back memory that grows with their number.
+/// Settings of pictures of at most `lights` lights, with a shadow map for every one, and at least 256: the
+/// reference is drawn in passes of as many lights. There are no more, because a driver in software clears all
+/// of them for every picture, and some versions of Mesa's never free memory that grows with their number.
 pub fn options(lights: usize) -> render::Options {
     pictures::options(SIZE, lights.max(256))
 }
 
-/// All methods with so many lights, at most [`MOST_LIGHTS`]. `goes_on` is asked after every picture and while
-/// the reference is drawn, `None` when it says no; `row_done` is called after every row.
+/// All methods with these numbers of lights, at most [`MOST_LIGHTS`]. `goes_on` is called after every picture
+/// and while the reference is drawn; `None` when it returns false. `row_done` is called after every row.
 ///
 /// # Errors
 /// Those of the device, and of [`timed_list`].

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// Numbers of lights.
 pub const COUNTS: [usize; 8] = [4, 8, 16, 32, 64, 128, 256, 512];
-/// How a map becomes lights, and what that is called.
+/// How a map becomes lights, and the names of these methods.
 pub const SAMPLERS: [(&str, Sampler); 2] =
     [("equal power", Sampler::EqualPower), ("refined", Sampler::Refined)];
 /// Time for the frames of one list: short, as there are many lists.
@@ -51,9 +51,9 @@ pub struct Measured {
     pub rows: Vec<Row>,
 }
 
-/// Sizes and shadow maps of the pictures; all else is as `lightcast render` has it, but that glossy surfaces
-/// have no longer list (set L): N lights are all there is. Fewer shadow maps than lights leave an error that
-/// no number of lights takes away.
+/// Sizes and shadow maps of the pictures; everything else is as in `lightcast render`, except that glossy
+/// surfaces have no longer list (set L): there are only N lights. Fewer shadow maps than lights leave an
+/// error that no number of lights removes.
 pub fn options(size: [u32; 2], shadow_maps: usize) -> render::Options {
     render::Options {
         width_px: size[0],
@@ -85,7 +85,7 @@ impl Pictures {
     }
 
     /// Errors against the picture that has every pixel of `map` as a light with a shadow map of its own, and
-    /// frame times. The samplers take turns, so that what else the machine does meets both. `progress` is
+    /// frame times. The samplers take turns, so that other load on the machine affects both. `progress` is
     /// called with the share of the reference that is drawn, which takes most of the time.
     ///
     /// # Errors
@@ -110,8 +110,8 @@ impl Pictures {
     }
 
     /// Draws the picture that has every pixel of `map` as a light with a shadow map of its own, which later
-    /// ones are compared with. `goes_on` is asked again and again, with the share that is drawn. Returns
-    /// whether it never said no and the reference is there.
+    /// ones are compared with. `goes_on` is called repeatedly, with the share that is drawn. Returns false if
+    /// it returned false, so that there is no reference.
     ///
     /// # Errors
     /// Those of the device.

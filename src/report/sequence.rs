@@ -2,11 +2,11 @@
 //! hemispheres each, 128 lights, before and after the FIR; and any other sequence of maps with any number of
 //! lights.
 //!
-//! What is compared are irradiances at 200 places: the ground beside a sphere, in 10 x 10 cells of 6 x 6
+//! The compared values are irradiances at 200 points: the ground beside a sphere, in 10 x 10 cells of 6 x 6
 //! points, and 100 normals. After the filter a list is judged against the irradiances of the maps passed
 //! through the same taps; irradiance is linear in the map, so this is the irradiance of the filtered map. The
 //! first filtered frames, as many as the filter's order (8 at 25 frames per second), are left out: they still
-//! see the repetitions of the first.
+//! contain the repetitions of the first.
 
 use super::filtered_truth::filtered;
 use super::median::median;
@@ -29,10 +29,10 @@ pub const FRAMES: usize = 40;
 /// The rate that the published taps are for.
 const FRAME_RATE_HZ: f64 = 25.0;
 
-/// How far lists are from the truth over a sequence, and how unsteadily.
+/// The error of lists against the truth over a sequence, and its unsteadiness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// RMS of (value - reference) over frames and places, relative to the mean reference; 0 where both are
+    /// RMS of (value - reference) over frames and points, relative to the mean reference; 0 where both are
     /// dark.
     pub error: f64,
     /// RMS of the second time difference of (value - reference), relative to the mean reference.
@@ -55,10 +55,10 @@ pub struct BeforeAndAfter {
     pub soft_after: Figures,
 }
 
-/// What one method with some number of lights makes of a sequence, and how long it takes.
+/// The result of one method with some number of lights on a sequence, and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timed {
-    /// How near and how steady.
+    /// Error and steadiness.
     pub measured: BeforeAndAfter,
     /// Median time of a frame: extraction and filter with their error estimates.
     pub time: Duration,
@@ -67,7 +67,7 @@ pub struct Timed {
 /// A sequence of maps with its truth.
 pub struct Sequence {
     maps: Vec<PolarMap>,
-    /// Irradiances at all places, frame by frame.
+    /// Irradiances at all points, frame by frame.
     truth: Vec<Vec<f64>>,
     filtered_truth: Vec<Vec<f64>>,
     /// The filter's order: filtered frames that are left out.
@@ -75,7 +75,7 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// The garden: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column 20 - t in
+    /// The garden: `map` (`chinese_garden_1k`) turned so that its brightest column is at column 20 - t in
     /// frame t; its sun crosses phi = 0 in frame 20. `goes_on` as of [`Self::from_maps`].
     ///
     /// # Errors
@@ -110,9 +110,9 @@ impl Sequence {
         Ok(low_pass(frame_rate_hz, &FilterOptions::default())?.order() + 3)
     }
 
-    /// Any maps of one shape, in the order of their stamps, whose frame rate decides on the filter; what a
-    /// stamp says is lost is held, as the filter does. Works out the truth, about a tenth of a second a map;
-    /// `None` when `goes_on`, which is asked after every map, says no.
+    /// Any maps of one shape, in the order of their stamps, whose frame rate decides on the filter; for
+    /// frames that a stamp reports as lost, the last one is held, as in the filter. Computes the truth, about
+    /// a tenth of a second per map; `None` when `goes_on`, which is called after every map, returns false.
     ///
     /// # Errors
     /// Kind `Usage` for maps of different shapes, for fewer than [`Self::least_frames`], and for a frame rate
@@ -153,8 +153,8 @@ impl Sequence {
         self.start_up > 0
     }
 
-    /// Extracts, filters and measures `count` lights, and takes the time. `None` when `goes_on`, which is
-    /// asked after every list, says no.
+    /// Extracts, filters and measures `count` lights, and measures the time. `None` when `goes_on`, which is
+    /// called after every list, returns false.
     ///
     /// # Errors
     /// Those of the extractor and the filter.
@@ -216,7 +216,7 @@ fn check_shape(map: &PolarMap) -> Result<()> {
     )))
 }
 
-/// Irradiances at the places where sequences are compared.
+/// Irradiances at the points where sequences are compared.
 fn values(emitters: &Emitters) -> Vec<f64> {
     let mut values = emitters.ground_cells(10, 6);
     values.extend(emitters.irradiances(100));

@@ -4,11 +4,11 @@ use lightcast_core::image::PolarMap;
 use lightcast_core::math::{percentile, zone_solid_angle};
 use std::f64::consts::TAU;
 
-/// The garden in frame t: `map` (`chinese_garden_1k`) turned so that its brightest column stands at column
-/// 20 - t. Its sun crosses phi = 0 in frame 20.
+/// The garden in frame t: `map` (`chinese_garden_1k`) turned so that its brightest column is at column 20 -
+/// t. Its sun crosses phi = 0 in frame 20.
 pub(super) fn garden_frame(map: &PolarMap, t: usize) -> PolarMap {
     let columns = map.shape.columns();
-    // What stands at column 20 - t afterwards stood at the brightest column before.
+    // The column that ends up at 20 - t is the brightest one.
     let turn = (brightest_column(map) + t + 20 * (columns - 1)) % columns;
     PolarMap::from_fn(map.shape, |row, column| map.pixels[row * columns + (column + turn) % columns])
 }

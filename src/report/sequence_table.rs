@@ -1,4 +1,4 @@
-//! The table of METHODS section 7: what was measured there beside what is measured here.
+//! The table of METHODS section 7: the figures measured there beside those measured here.
 
 use super::sequence::{BeforeAndAfter, Sequence};
 use super::tables::Measured;
@@ -14,16 +14,16 @@ pub struct Row {
     pub sequence: &'static str,
     /// How the lights were found.
     pub method: SequenceMethod,
-    /// What came out.
+    /// The measured figures.
     pub measured: BeforeAndAfter,
-    /// What METHODS found.
+    /// The figures of METHODS.
     pub published: Published,
 }
 
 impl Row {
-    /// Largest of error, flicker and motion p99 before and error and flicker after the filter, each relative
-    /// to what is published. The published figures are rounded to their last digit (0.0001, 1 or 0.1
-    /// degrees), so half of that is granted first.
+    /// Largest of error, flicker and motion p99 before the filter and error and flicker after it, each
+    /// relative to the published figure. The published figures are rounded to their last digit (0.0001, 1 or
+    /// 0.1 degrees), so half of that is subtracted first.
     pub fn worst_ratio(&self) -> f64 {
         let (Row { measured: BeforeAndAfter { before, after, .. }, published, .. }, half) = (self, 0.00005);
         let motion_half = if published.motion_p99_deg < 10.0 { 0.05 } else { 0.5 };
@@ -48,9 +48,9 @@ impl Row {
     }
 }
 
-/// The rows of one of METHODS' sequences, `garden` or `hall`: figures of [`LIGHTS`] lights, those that
-/// `known` has, which are of the same sequence, and others measured now. `None` when `goes_on` says no. About
-/// five seconds where nothing is known.
+/// The rows of one of METHODS' sequences, `garden` or `hall`: figures of [`LIGHTS`] lights, taken from
+/// `known`, which must be of the same sequence, or else measured now. `None` when `goes_on` returns false.
+/// This takes about five seconds where nothing is known.
 ///
 /// # Errors
 /// Those of [`Sequence::measure`].
@@ -175,8 +175,9 @@ mod tests {
         for (row, line) in rows.iter().zip(&lines[1..]) {
             let mut row = *row;
             if (row.sequence, row.method) == ("garden", SequenceMethod::Paper) {
-                // Where a light of the inverse transform hops to when a sun crosses the seam hangs on details
-                // that METHODS leaves open: 24 degrees instead of 18. Error and flicker keep the limit.
+                // Where a light of the inverse transform jumps to when a sun crosses the seam depends on
+                // details that METHODS leaves open: 24 degrees instead of 18. Error and flicker keep the
+                // limit.
                 assert!(row.measured.before.motion_deg[1] < 25.0, "{line}");
                 row.measured.before.motion_deg[1] = 0.0;
             }
@@ -199,7 +200,7 @@ mod tests {
             BeforeAndAfter { before: figures, after: figures, soft_before: figures, soft_after: figures };
         let known =
             |method| Measured { method, count: LIGHTS, timed: Timed { measured, time: Duration::ZERO } };
-        // Nothing is left to ask for.
+        // Everything is known, so nothing is measured.
         let found = rows("hall", &sequence, &SequenceMethod::ALL.map(known), &|| false).unwrap().unwrap();
         assert!(found.iter().all(|row| row.sequence == "hall" && row.measured == measured));
         assert_eq!(found.iter().map(|row| row.method).collect::<Vec<_>>(), SequenceMethod::ALL);

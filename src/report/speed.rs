@@ -1,4 +1,4 @@
-//! Speed of the renderer: what culling and clustering gain, what triangles, lights and pixels cost.
+//! Speed of the renderer: the gain of culling and clustering, the cost of triangles, lights and pixels.
 
 use super::frame_time::{FrameTime, PASSES, Timed};
 use super::picture_error::relative_rms;
@@ -16,7 +16,7 @@ const BUDGET: Duration = Duration::from_secs(3);
 /// A row of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// What is special about it.
+    /// Its name, which says what is special about it.
     pub name: String,
     /// Columns and rows of the picture.
     pub size: [u32; 2],
@@ -24,13 +24,13 @@ pub struct Row {
     pub triangles: usize,
     /// Lights that shine on everything.
     pub lights: usize,
-    /// Lights that a pixel looks at, on average, where that was counted.
+    /// Lights that a pixel considers, on average, where that was counted.
     pub seen: Option<f64>,
     /// Error of the lights or of the picture; the table's title says which.
     pub error: Option<f64>,
     /// Median times.
     pub time: FrameTime,
-    /// Gain, or what is published.
+    /// The gain, or the published figure.
     pub note: String,
 }
 
@@ -85,8 +85,8 @@ fn lights_of(lights: &[Light], options: &DirectionalOptions) -> usize {
     high.len()
 }
 
-/// What regions gain: in lights that a pixel looks at, in time, and the difference of the pictures. `gpu`
-/// opens a device.
+/// The gain of regions: in lights that a pixel considers and in time, and the difference of the pictures.
+/// `gpu` opens a device.
 ///
 /// # Errors
 /// Those of the device.
@@ -112,7 +112,7 @@ pub fn culling_rows(gpu: impl Fn() -> Result<Gpu>) -> Result<Vec<Row>> {
     Ok(vec![all.row, region.row])
 }
 
-/// What clusters of the lights of a map gain, and the difference of the pictures.
+/// The gain of clusters of the lights of a map, and the difference of the pictures.
 ///
 /// # Errors
 /// Those of the device, and of [`light::Extractor::new`].
@@ -130,8 +130,8 @@ pub fn clustering_rows(gpu: impl Fn() -> Result<Gpu>, map: &PolarMap) -> Result<
     Ok(rows)
 }
 
-/// How much quicker a row is than another; of the shading pass too, or where that is not measured of what is
-/// left of the frame without shadow maps and surfaces.
+/// How much quicker one row is than another, for the frame and for the shading pass; where that is not
+/// measured, for the rest of the frame without shadow maps and surfaces.
 fn gain(slow: &Row, quick: &Row) -> String {
     let ratio = |slow: Duration, quick: Duration| slow.as_secs_f64() / quick.as_secs_f64().max(1e-9);
     let frame = format!("{:.2} times less", ratio(slow.time.frame, quick.time.frame));
@@ -237,7 +237,7 @@ mod tests {
         let gpu = || Gpu::open(&Gpu::instance(Backend::Vulkan), None);
         let rows = culling_rows(gpu).unwrap();
         lines("", "culling", &rows).iter().for_each(|line| println!("{line}"));
-        // Sums in another order.
+        // The sums are in another order.
         assert!(rows[1].error.unwrap() < 1e-5, "{:?}", rows[1].error);
         let [all, region] = [&rows[0], &rows[1]].map(|row| row.seen.unwrap());
         assert_eq!(all, 300.0);

@@ -1,4 +1,4 @@
-//! What the speed of the renderer is measured on: scenes, settings and lists of lights.
+//! The cases for measuring the renderer's speed: scenes, settings and lists of lights.
 
 use crate::error::Result;
 use crate::render::{DirectionalOptions, Options};
@@ -13,9 +13,9 @@ use lightcast_core::math::fibonacci_sphere;
 pub const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 /// The size of the paper's pictures, which is used where no other is.
 pub const SMALL: [u32; 2] = [320, 240];
-/// About as many triangles as the model of the paper's figure 7 (16,200) ...
+/// Gives about as many triangles as the model of the paper's figure 7 has (16,200).
 pub const FEW_SEGMENTS: usize = 128;
-/// ... and about 800 thousand.
+/// Gives about 800 thousand triangles.
 pub const MANY_SEGMENTS: usize = 896;
 /// Lights of a list for glossy surfaces, as `lightcast render` takes.
 const GLOSSY_LIGHTS: usize = 1152;
@@ -25,7 +25,7 @@ const GLOSSY_LIGHTS: usize = 1152;
 pub enum Model {
     /// [`Scene::built_in`].
     BuiltIn,
-    /// [`Scene::sphere_of_normals`] alone: every pixel that shows something shows another normal.
+    /// [`Scene::sphere_of_normals`] alone: every pixel that shows it shows a different normal.
     Sphere,
     /// The sphere of normals on a ground.
     OnGround {
@@ -103,15 +103,15 @@ impl Lights {
 /// A row of a table before it is measured.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// What is special about it.
+    /// Its name, which says what is special about it.
     pub name: String,
-    /// What is drawn.
+    /// The scene.
     pub model: Model,
-    /// How.
+    /// The settings.
     pub options: Options,
-    /// Under which lights.
+    /// The lights.
     pub lights: Lights,
-    /// Published or wished for; may be empty.
+    /// The published or desired figure; may be empty.
     pub note: String,
 }
 
@@ -227,7 +227,7 @@ pub fn full_size(map: &PolarMap) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// What takes the place of a panorama where there is none: a bright sky with a window of lamps.
+/// A substitute for a panorama where there is none: a bright sky with a window of lamps.
 pub fn made_up_map() -> PolarMap {
     PolarMap::from_fn(SHAPE, |row, column| {
         let is_lamp = (30..50).contains(&row) && column % 90 < 20;

@@ -14,10 +14,10 @@ use std::time::{Duration, Instant};
 const LEAST_RUNS: usize = 3;
 /// The most extractions that are timed.
 const MOST_RUNS: usize = 25;
-/// Once the extractions have taken this long together, none is added.
+/// Once the extractions have taken this long together, no more are timed.
 const BUDGET: Duration = Duration::from_millis(100);
 
-/// How many times the published figure a mean may be.
+/// Largest ratio of a mean to the published figure.
 pub const LIMIT: f64 = 1.15;
 
 /// One map, one method, one number of lights.
@@ -25,7 +25,7 @@ pub const LIMIT: f64 = 1.15;
 pub struct Row {
     /// How the lights were found.
     pub method: StillMethod,
-    /// How many.
+    /// Number of lights.
     pub count: usize,
     /// Against the slow measures.
     pub errors: Errors,
@@ -54,8 +54,8 @@ pub fn timed_list(method: &StillMethod, map: &PolarMap, count: usize) -> Result<
     Ok((judged.list, time))
 }
 
-/// Measures all methods on one map with so many lights. `goes_on` is asked after every row; when it says no,
-/// the rows until then are all.
+/// Measures all methods on one map with these numbers of lights. `goes_on` is called after every row; when it
+/// returns false, only the rows until then are returned.
 ///
 /// # Errors
 /// Those of [`StillMethod::extractor`].
@@ -121,7 +121,7 @@ pub fn means(rows: &[Row]) -> Vec<(StillMethod, usize, Errors)> {
     means
 }
 
-/// Geometric mean of values >= 0: 0 where one of them is, and for none.
+/// Geometric mean of values >= 0; 0 where one of them is 0, and for no values.
 pub fn geometric_mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) =
         values.into_iter().fold((0.0, 0u64), |(sum, count), value| (sum + value.ln(), count + 1));
@@ -140,7 +140,7 @@ pub fn mean_lines(rows: &[Row]) -> Vec<String> {
         let published = method.published.zip(place).map(|(published, place)| published[place]);
         let cell = |pick: fn(&Errors) -> f64| match &published {
             Some(published) => format!("{:.5} ({:.5})", pick(&errors), pick(published)),
-            // In line with those that have a figure in brackets.
+            // Aligned with the columns that have a figure in brackets.
             None => format!("{:.5}          ", pick(&errors)),
         };
         lines.push(format!(
@@ -201,7 +201,7 @@ mod tests {
         assert!(!are_published(&vec![PUBLISHED_MAPS[0].to_owned(); 13]), "one of them thirteen times");
         let lines = mean_lines(&rows);
         lines.iter().for_each(|line| println!("{line}"));
-        // Header alone where there are no maps.
+        // Only the header where there are no maps.
         assert_eq!(lines.len(), if maps.is_empty() { 1 } else { 1 + METHODS.len() * COUNTS.len() });
         for line in &lines[1..] {
             let is_published =

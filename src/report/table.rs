@@ -1,4 +1,4 @@
-//! Figures of methods and numbers of lights, with the front marked: a table of a report.
+//! A table of a report: figures by method and number of lights, with the front marked.
 
 use super::pareto::{Contender, figure, finding, front};
 use super::stills::geometric_mean;
@@ -9,9 +9,9 @@ use serde_json::{Map, Value, json};
 pub struct Measure {
     /// Its key in JSON.
     pub key: &'static str,
-    /// What people call it, with its unit if it has one.
+    /// Its name for people, with its unit if it has one.
     pub name: &'static str,
-    /// Whether less of it is better and it has a front and a plot; other measures are only told.
+    /// Whether less of it is better and it has a front and a plot; other measures are only listed.
     pub ranked: bool,
 }
 
@@ -37,7 +37,7 @@ pub struct Table {
     pub name: String,
     /// The command that prints these figures.
     pub command: String,
-    /// What else there is to know.
+    /// Further remarks.
     pub notes: String,
     /// What is measured.
     pub measures: &'static [Measure],
@@ -75,8 +75,8 @@ impl Table {
     }
 
     /// Geometric means of times and ranked measures over tables of the same measures; `None` for none. A
-    /// value of zero makes its mean zero. Of other measures there is no mean. A note that all tables have is
-    /// the means' too.
+    /// value of zero makes its mean zero. Other measures have no mean. A note that all tables have is also
+    /// that of the means.
     pub fn mean(name: String, command: String, tables: &[Self]) -> Option<Self> {
         let first = tables.first()?;
         let mut rows = Vec::new();
@@ -122,12 +122,12 @@ impl Table {
             .collect()
     }
 
-    /// The measures of which there are values.
+    /// The measures that have values.
     pub fn shown(&self) -> impl Iterator<Item = usize> {
         (0..self.measures.len()).filter(|&at| self.rows.iter().any(|row| !row.values[at].is_nan()))
     }
 
-    /// Lines for a terminal, header first; `*` stands where a value is on the front.
+    /// Lines for a terminal, header first; `*` marks values on the front.
     pub fn lines(&self) -> Vec<String> {
         let shown: Vec<usize> = self.shown().collect();
         let widths: Vec<usize> =

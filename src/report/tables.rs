@@ -8,10 +8,10 @@ use crate::compare::still_methods::OURS;
 use crate::error::Result;
 use lightcast_core::image::PolarMap;
 
-/// Numbers of lights of a report unless others are asked for.
+/// Default numbers of lights of a report.
 pub const COUNTS: [usize; 9] = [4, 8, 16, 32, 64, 128, 256, 512, 1024];
 
-/// What is measured on single maps.
+/// The measures of single maps.
 pub const OF_MAPS: [Measure; 5] = [
     Measure { key: "irradiance", name: "irradiance error", ranked: true },
     Measure { key: "shadow", name: "shadow error", ranked: true },
@@ -20,7 +20,7 @@ pub const OF_MAPS: [Measure; 5] = [
     Measure { key: "power_difference", name: "power off by", ranked: false },
 ];
 
-/// What is measured on sequences, shadows softened by the lights' spread where it does not say hard; motion
+/// The measures of sequences, with shadows softened by the lights' spread unless they are called hard; motion
 /// is the angle that a light moves from one frame to the next.
 pub const OF_SEQUENCES: [Measure; 10] = [
     Measure { key: "error", name: "error", ranked: true },
@@ -35,7 +35,7 @@ pub const OF_SEQUENCES: [Measure; 10] = [
     Measure { key: "motion_p99_unfiltered_deg", name: "motion p99, deg", ranked: false },
 ];
 
-/// Whose figures they are, and the command that prints them.
+/// The input that figures belong to, and the command that prints them.
 pub struct Origin {
     /// The input's name.
     pub name: String,
@@ -43,7 +43,7 @@ pub struct Origin {
     pub command: String,
 }
 
-/// All methods on one map; `goes_on` is asked after every row. `None` when it says no.
+/// All methods on one map; `goes_on` is called after every row. `None` when it returns false.
 ///
 /// # Errors
 /// Those of [`stills::measure`].
@@ -78,19 +78,19 @@ pub fn of_map(
     Ok(Some((Table::new(origin.name, origin.command, &OF_MAPS, OURS, rows), measured)))
 }
 
-/// What one method with some number of lights made of a sequence.
+/// The result of one method with some number of lights on a sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
     /// How the lights were found.
     pub method: SequenceMethod,
-    /// How many.
+    /// Number of lights.
     pub count: usize,
-    /// What came out.
+    /// The measured figures.
     pub timed: Timed,
 }
 
-/// All methods on one sequence, and what the rows were made of. `goes_on` is asked after every frame, `None`
-/// when it says no; `row_done` is called after every row.
+/// All methods on one sequence, and the results from which the rows were made. `goes_on` is called after
+/// every frame; `None` when it returns false. `row_done` is called after every row.
 ///
 /// # Errors
 /// Those of [`Sequence::measure`].
@@ -159,7 +159,7 @@ mod tests {
         assert_eq!(table.rows.len(), 2 * METHODS.len());
         assert!(table.rows.iter().all(|row| row.values == [0.0; 5] && row.time_ms > 0.0), "{table:?}");
         for count in [4, 8] {
-            // The quickest alone, for every measure.
+            // Only the quickest, for every measure.
             let on_front = table.rows.iter().filter(|row| row.lights == count && row.front[0]);
             assert!(on_front.clone().count() >= 1);
             assert!(on_front.clone().all(|row| row.front == [true, true, true, false, false]));

@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-/// Growing waits between attempts at one thing: none before the first attempt, then a first wait that doubles
+/// Growing waits between repeated attempts: none before the first attempt, then a first wait that doubles
 /// with every further attempt, up to a longest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BackOff {
@@ -33,13 +33,13 @@ impl BackOff {
         self.attempts
     }
 
-    /// Whether the failure of this attempt is worth a line: the first, second, fourth, eighth... is, so that
-    /// what is away for days does not fill the log.
+    /// Whether the failure of this attempt should be logged: the first, second, fourth, eighth... are, so
+    /// that a device that is missing for days does not fill the log.
     pub fn is_worth_telling(&self) -> bool {
         self.attempts.is_power_of_two()
     }
 
-    /// All is well: the next attempt is a first one.
+    /// Notes a success: the next attempt is a first one.
     pub fn succeeded(&mut self) {
         self.attempts = 0;
     }

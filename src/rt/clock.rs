@@ -4,27 +4,27 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Now on the kernel's CLOCK_MONOTONIC, in nanoseconds: one time for all programs of a machine, and that of
-/// most camera drivers' time stamps.
+/// The current time of the kernel's CLOCK_MONOTONIC, in nanoseconds: the same for all programs of a machine,
+/// and for the time stamps of most camera drivers.
 pub fn monotonic_ns() -> i64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec)
 }
 
-/// What to add to [`monotonic_ns`] to get nanoseconds since 1970, now: UTC is set and slewed, the other never
-/// is.
+/// The current offset from [`monotonic_ns`] to nanoseconds since 1970: UTC is set and slewed, the monotonic
+/// clock never is.
 pub fn utc_from_monotonic_ns() -> i64 {
     let utc = std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
     i64::try_from(utc.as_nanos()).unwrap_or(i64::MAX).saturating_sub(monotonic_ns())
 }
 
-/// What to add to a source's capture times to get [`monotonic_ns`], shared by those who need it; unknown
-/// until the source has begun, and for ever under a simulated clock. Clones know the same.
+/// The offset from a source's capture times to [`monotonic_ns`], shared by all threads that need it; unknown
+/// until the source has begun, and always under a simulated clock. Clones share the value.
 #[derive(Clone, Debug, Default)]
 pub struct CaptureEpoch(Arc<OnceLock<i64>>);
 
 impl CaptureEpoch {
-    /// Says it; only the first call counts.
+    /// Sets the offset; only the first call counts.
     pub fn set(&self, monotonic_from_capture_ns: i64) {
         let _ = self.0.set(monotonic_from_capture_ns);
     }
@@ -37,8 +37,8 @@ impl CaptureEpoch {
 
 /// The time that paces a source, in nanoseconds since the clock was made. Clones show the same time.
 ///
-/// A replay as fast as it goes is a replay at its own rate under a simulated clock: the code is one and the
-/// same, only nobody waits.
+/// A replay as fast as possible is a replay at its own rate under a simulated clock: the code is the same,
+/// but nothing waits.
 #[derive(Clone, Debug)]
 pub struct Clock(Kind);
 
@@ -49,17 +49,17 @@ enum Kind {
 }
 
 impl Clock {
-    /// Time as it passes.
+    /// Real time.
     pub fn real() -> Self {
         Self(Kind::Real(Instant::now()))
     }
 
-    /// Time that stands still until someone waits, and then has come at once.
+    /// Time that stands still until something waits for a time, and then jumps to it.
     pub fn simulated() -> Self {
         Self(Kind::Simulated(Arc::new(AtomicI64::new(0))))
     }
 
-    /// Now, in nanoseconds.
+    /// The current time in nanoseconds.
     pub fn now_ns(&self) -> i64 {
         match &self.0 {
             // An i64 of nanoseconds lasts 292 years.
@@ -68,7 +68,7 @@ impl Clock {
         }
     }
 
-    /// What to add to this clock's time to get [`monotonic_ns`]; `None` for simulated time.
+    /// The offset from this clock's time to [`monotonic_ns`]; `None` for simulated time.
     pub fn monotonic_from_clock_ns(&self) -> Option<i64> {
         match &self.0 {
             Kind::Real(_) => Some(monotonic_ns().saturating_sub(self.now_ns())),

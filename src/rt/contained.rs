@@ -1,8 +1,8 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Runs `body`; a panic ends here, and what it said is the error. For code of others that gives up on damaged
-/// input, and for threads whose end somebody has to hear of: what `body` owned is dropped while unwinding,
-/// and what it has borrowed must be as good half made as the caller takes it to be.
+/// Runs `body` and catches a panic, whose message becomes the error. This is for third-party code that panics
+/// on damaged input, and for threads whose end must be reported: what `body` owned is dropped while
+/// unwinding, and the caller must be able to use what it borrowed in a partly changed state.
 ///
 /// # Errors
 /// The message of the panic.

@@ -3,12 +3,13 @@
 use super::link::{Closed, Copied, PartOf, Sender};
 use super::stage::Outlet;
 
-/// Outlet of a stage that has any number of readers. The next stage of the chain, if there is one, gets the
-/// buffer that was filled; every other reader, an *end*, gets a copy in a buffer of its own link, and what
-/// its link does when it is full is the link's affair: a reader that has stopped holds up nobody behind a
+/// Outlet of a stage with any number of readers. The next stage of the chain, if there is one, gets the
+/// buffer that was filled; every other reader, an *end*, gets a copy in a buffer of its own link, and the
+/// kind of its link decides what happens when it is full: a reader that has stopped blocks nobody behind a
 /// `latest` or `lossy` link.
 ///
-/// An end that has gone gets no more. When the next stage has gone, or nobody is left, the outlet is closed.
+/// An end that has gone gets no more items. When the next stage has gone, or no reader is left, the outlet is
+/// closed.
 pub struct FanOut<T> {
     next: Option<Sender<T>>,
     /// The buffer that is filled where there is no next stage.
@@ -21,7 +22,7 @@ struct End<T> {
     every: Every,
 }
 
-/// The way to an end, whatever part of the items its link carries.
+/// The link to an end, for whatever part of the items it carries.
 trait Copies<T>: Send {
     fn send_copy(&mut self, item: &T) -> Result<(), Closed>;
 }
@@ -73,8 +74,8 @@ impl<T: Copied> Outlet for FanOut<T> {
     }
 }
 
-/// Finds the first item of every block of so many sequence numbers. Not the multiples themselves: where one
-/// was lost, the next takes its place.
+/// Finds the first item of every block of `count` sequence numbers. It does not look for the multiples
+/// themselves: where one was lost, the next item takes its place.
 #[derive(Clone, Debug)]
 pub struct Every {
     count: u64,
@@ -87,8 +88,8 @@ impl Every {
         Self { count: count.max(1), last_block: None }
     }
 
-    /// Whether the item of this sequence number is the first of its block; one that has none counts only
-    /// where all do.
+    /// Whether the item of this sequence number is the first of its block; an item without a number is due
+    /// only where all items are.
     pub fn is_due(&mut self, sequence: Option<u64>) -> bool {
         if self.count == 1 {
             return true;

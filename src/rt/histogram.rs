@@ -30,7 +30,7 @@ impl Histogram {
         self.maximum.load(Ordering::Relaxed)
     }
 
-    /// The value that a `fraction` in [0, 1] of all values does not exceed (the smallest such value, the
+    /// The value that is not exceeded by a `fraction` in [0, 1] of all values (the smallest such value, the
     /// centre of its bucket); 0 when nothing was recorded.
     pub fn percentile(&self, fraction: f64) -> u64 {
         let total: u64 = self.buckets.iter().map(|count| count.load(Ordering::Relaxed)).sum();

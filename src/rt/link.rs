@@ -1,8 +1,9 @@
-//! Links between two threads, with recycled buffers. What a link does when the reader is slow is in its name:
-//! [`latest`] overwrites and counts (live), [`bounded`] makes the writer wait and loses nothing (replay), and
-//! [`lossy`] passes over what finds no room and counts it (recordings and files beside a live service).
+//! Links between two threads, with recycled buffers. The name of a link says what it does when the reader is
+//! slow: [`latest`] overwrites and counts (live), [`bounded`] makes the writer wait and loses nothing
+//! (replay), and [`lossy`] drops items that do not fit and counts them (recordings and files beside a live
+//! service).
 //!
-//! All buffers are made with the link: one in the writer's hand, one in the reader's, and those in between.
+//! All buffers are made with the link: one held by the writer, one held by the reader, and those in between.
 //! The writer takes an empty one with [`Sender::take`], fills it and [`send`](Sender::send)s it, or has an
 //! item copied into one with [`Sender::send_copy`]; it goes back when the reader drops its [`Received`]. So
 //! nothing is allocated once every buffer has grown to its size.
@@ -14,7 +15,7 @@ use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Something that knows how many of its kind were lost between the one before and itself.
+/// An item that knows how many items were lost between the previous one and itself.
 pub trait Item: Send {
     /// The number lost.
     fn lost_before(&self) -> u64;
@@ -30,7 +31,7 @@ pub trait Copied: Item {
     fn sequence(&self) -> Option<u64>;
 }
 
-/// What an end takes of items of another kind; of its own kind, all of it.
+/// The part that an end takes of items of another kind; of its own kind it takes all.
 pub trait PartOf<T>: Item {
     /// Copies the part of `whole` into this buffer, without an allocation once it has grown to its size.
     fn copy_part_of(&mut self, whole: &T);
@@ -46,8 +47,8 @@ impl<T: Copied> PartOf<T> for T {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Closed;
 
-/// A link of one slot: a newer item overwrites the one that waits, which is counted, with all that it had
-/// lost itself, in the newer one's `lost_before`.
+/// A link of one slot: a newer item overwrites the waiting one, which is counted, together with the losses
+/// before it, in the newer one's `lost_before`.
 pub fn latest<T: Item>(shutdown: &Shutdown, make: impl FnMut() -> T) -> (Sender<T>, Receiver<T>) {
     let (mut sender, receiver) = bounded(1, shutdown, make);
     sender.when_full = Full::Overwrites { slot: receiver.full.clone() };
@@ -79,8 +80,8 @@ pub fn bounded<T: Item>(
     (sender, receiver)
 }
 
-/// A link of `capacity` (at least one) items whose writer never waits: what finds no room is missing, and
-/// counted by `dropped` and in the `lost_before` of the next item that finds some.
+/// A link of `capacity` (at least one) items whose writer never waits: items that do not fit are dropped, and
+/// counted by `dropped` and in the `lost_before` of the next item that fits.
 pub fn lossy<T: Item>(
     capacity: usize,
     dropped: Counter,
@@ -95,18 +96,18 @@ pub fn lossy<T: Item>(
 /// What a writer does when the link is full.
 enum Full<T> {
     Overwrites {
-        /// The reader's end, to take back what is to be overwritten.
+        /// The reader's end, to take back the item that is overwritten.
         slot: channel::Receiver<Envelope<T>>,
     },
     Waits,
     Drops {
         dropped: Counter,
-        /// Lost since the last item that found room.
+        /// Lost since the last item that fitted.
         lost: u64,
     },
 }
 
-/// What travels: the item and how many were overwritten since the reader took the last one.
+/// The contents of a slot: the item, and how many were overwritten since the reader took the last one.
 struct Envelope<T> {
     item: T,
     overwritten: u64,
@@ -175,7 +176,7 @@ impl<T: Item> Sender<T> {
     }
 }
 
-/// Sends at once, in the place of what waits in `slot`; the buffer of that is `spare` then.
+/// Sends immediately, in place of the item that waits in `slot`, whose buffer becomes `spare`.
 fn overwrite<T: Item>(
     full: &channel::Sender<Envelope<T>>,
     slot: &channel::Receiver<Envelope<T>>,
@@ -198,8 +199,7 @@ fn overwrite<T: Item>(
 }
 
 impl<T: Item> Sender<T> {
-    /// Sends a copy of `item`, or of the part of it that the link carries; in a lossy link without a copy
-    /// where there is no room.
+    /// Sends a copy of `item`, or of the part of it that the link carries; a full lossy link makes no copy.
     ///
     /// # Errors
     /// [`Closed`].
@@ -243,7 +243,7 @@ impl<T: Item> Receiver<T> {
         Some(self.received(envelope))
     }
 
-    /// The next item if one is there, without a wait.
+    /// The next item if there is one, without waiting.
     ///
     /// # Errors
     /// [`Closed`] when the writer has gone and everything was read.
@@ -266,7 +266,7 @@ impl<T> Drop for Receiver<T> {
     }
 }
 
-/// An item in the reader's hand; its buffer goes back to the writer when this is dropped.
+/// An item held by the reader; its buffer goes back to the writer when this is dropped.
 pub struct Received<'a, T> {
     item: Option<T>,
     overwritten: u64,
@@ -302,7 +302,7 @@ impl<T> DerefMut for Received<'_, T> {
 impl<T> Drop for Received<'_, T> {
     fn drop(&mut self) {
         if let (Some(home), Some(item)) = (self.home, self.item.take()) {
-            // There is room for every buffer; it fails only when the writer has gone, who then needs none.
+            // There is room for every buffer; it fails only when the writer has gone, which then needs none.
             let _ = home.try_send(item);
         }
     }

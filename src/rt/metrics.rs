@@ -22,9 +22,9 @@ impl Counter {
 #[derive(Debug)]
 pub struct Metrics {
     name: &'static str,
-    /// Items worked off.
+    /// Items processed.
     pub frames: Counter,
-    /// Items that this stage was too slow for: overwritten in its link, or without room there.
+    /// Items that this stage was too slow for: overwritten in its link, or dropped because it was full.
     pub drops: Counter,
     /// Items that this stage refused as bad frames.
     pub bad_frames: Counter,
@@ -34,7 +34,7 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// Nothing done yet.
+    /// Metrics of a stage that has done nothing yet.
     pub fn new(name: &'static str) -> Arc<Self> {
         Arc::new(Self {
             name,
@@ -62,7 +62,7 @@ impl Metrics {
         counter
     }
 
-    /// The named counters and what they say, in the order of their making.
+    /// The named counters and their values, in the order of their creation.
     pub fn counters(&self) -> Vec<(&'static str, u64)> {
         let counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
         counters.iter().map(|(name, counter)| (*name, counter.get())).collect()

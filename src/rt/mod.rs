@@ -1,5 +1,5 @@
-//! What a running program needs and no picture knows of: [`Clock`], [`Shutdown`], [`link`]s between threads,
-//! a [`fan_out`] to several of them, [`Metrics`], named [`Threads`], and the one loop, [`stage::run`], that
+//! The runtime, which is independent of images: [`Clock`], [`Shutdown`], [`link`]s between threads, a
+//! [`fan_out`] to several of them, [`Metrics`], named [`Threads`], and the one loop, [`stage::run`], that
 //! runs every stage.
 
 mod back_off;

@@ -3,10 +3,10 @@ use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// The wish to end, shared by all threads; clones carry the same wish. It has two degrees, so that an orderly
-/// end loses no list that is already under way:
+/// A request to end that all threads share; clones share it too. It has two levels, so that an orderly end
+/// loses no list that is already in progress:
 ///
-/// - [`request`](Self::request): sources take no further frame; what is in the links is still worked off.
+/// - [`request`](Self::request): sources take no further frame; items in the links are still processed.
 /// - [`abort`](Self::abort): every wait, in links too, ends at once. A panic leads to this.
 #[derive(Clone, Debug)]
 pub struct Shutdown {
@@ -15,12 +15,12 @@ pub struct Shutdown {
 }
 
 impl Shutdown {
-    /// Nobody wishes to end yet.
+    /// Nothing has been requested yet.
     pub fn new() -> Self {
         Self { request: Signal::new(), abort: Signal::new() }
     }
 
-    /// Asks for an orderly end. May be called often and by anyone.
+    /// Requests an orderly end. May be called repeatedly and from any thread.
     pub fn request(&self) {
         self.request.raise();
     }
@@ -31,7 +31,7 @@ impl Shutdown {
         self.abort.raise();
     }
 
-    /// Whether an end of either degree was asked for.
+    /// Whether an end of either level was requested.
     pub fn is_requested(&self) -> bool {
         self.request.is_raised()
     }
@@ -41,7 +41,7 @@ impl Shutdown {
         self.abort.is_raised()
     }
 
-    /// Waits for `time` or until an end is asked for; returns whether it was.
+    /// Waits for `time` or until an end is requested; returns whether it was.
     pub fn wait(&self, time: Duration) -> bool {
         if time.is_zero() {
             return self.is_requested();
@@ -62,7 +62,7 @@ impl Default for Shutdown {
     }
 }
 
-/// A flag that channel waits can wait for: raising it closes a channel on which nothing is ever sent.
+/// A flag that channel operations can wait for: raising it closes a channel on which nothing is ever sent.
 #[derive(Clone, Debug)]
 struct Signal {
     open: Arc<Mutex<Option<Sender<Infallible>>>>,
@@ -71,7 +71,7 @@ struct Signal {
 
 impl Signal {
     fn new() -> Self {
-        // Not 0: a wait on a channel without places allocates every time, and links wait for this in every
+        // Not 0: a wait on a channel of capacity 0 allocates every time, and links wait for this in every
         // frame.
         let (open, raised) = bounded(1);
         Self { open: Arc::new(Mutex::new(Some(open))), raised }

@@ -5,25 +5,25 @@ use super::{Clock, Metrics, Shutdown};
 use crate::error::{Kind, Result};
 use std::time::Instant;
 
-/// One step of the way from source to client: turns an input into an output. The loop, [`run`], does the
-/// rest: waits, links, losses, bad frames, times.
+/// One step between source and client: turns an input into an output. The loop, [`run`], handles the rest:
+/// waiting, links, losses, bad frames, times.
 pub trait Stage: Send {
-    /// What comes in; [`Tick`] for a source.
+    /// The input; [`Tick`] for a source.
     type Input: Item;
-    /// What goes out; `()` for the last stage.
+    /// The output; `()` for the last stage.
     type Output;
 
     /// Fills `output`, a recycled buffer with old contents, from `input`.
     ///
     /// # Errors
-    /// Kind `BadFrame`: this input is lost, it is counted and the next one says so in its `lost_before`. Any
+    /// Kind `BadFrame`: this input is lost; it is counted, also in the `lost_before` of the next one. Any
     /// other kind ends the service.
     fn step(&mut self, input: &Self::Input, output: &mut Self::Output) -> Result<Flow>;
 
-    /// Called once, when no step will follow; `is_complete` says whether everything that came was worked off.
+    /// Called once, when no step will follow; `is_complete` says whether all inputs were processed.
     ///
     /// # Errors
-    /// What cannot be brought to its end, such as a file.
+    /// When something cannot be completed, such as a file.
     fn finish(&mut self, _is_complete: bool) -> Result<()> {
         Ok(())
     }
@@ -42,7 +42,7 @@ impl<I: Item, O> Stage for Box<dyn Stage<Input = I, Output = O>> {
     }
 }
 
-/// What is to be done with the output of a step.
+/// What happens to the output of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
     /// Send it.
@@ -56,7 +56,7 @@ pub enum Flow {
     End,
 }
 
-/// Input of a source: leave to take the next frame.
+/// Input of a source: permission to take the next frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tick {
     /// Frames that the source refused as bad since its last good one.
@@ -75,7 +75,7 @@ impl Item for Tick {
 
 /// Where the inputs of a stage come from.
 pub trait Inlet: Send {
-    /// What comes.
+    /// The kind of item.
     type Item: Item;
     /// Waits for the next item; `None` ends the stage.
     fn receive(&mut self) -> Option<Received<'_, Self::Item>>;
@@ -83,7 +83,7 @@ pub trait Inlet: Send {
 
 /// Where the outputs of a stage go.
 pub trait Outlet: Send {
-    /// What goes.
+    /// The kind of item.
     type Item;
     /// A buffer to fill.
     ///
@@ -159,7 +159,7 @@ pub enum Ended {
 /// everything else).
 ///
 /// # Errors
-/// Those of [`Stage::step`], but for bad frames, and of [`Stage::finish`].
+/// Those of [`Stage::step`] except bad frames, and those of [`Stage::finish`].
 pub fn run<I, O, S>(
     mut stage: S,
     inlet: I,
@@ -214,7 +214,7 @@ where
             }
             Err(error) => return Err(error),
         }
-        // The input goes back before a wait for the outlet, so that the stage before can work meanwhile.
+        // The input is returned before waiting for the outlet, so that the previous stage can work meanwhile.
         drop(input);
         lost = 0;
         metrics.frames.add(1);
@@ -231,7 +231,7 @@ where
 /// Bad frames that one stage names in the log.
 const BAD_FRAMES_NAMED: usize = 10;
 
-/// A sequence that repeats meets the same file again: `named` remembers what was said.
+/// A sequence that repeats reads the same file again: `named` remembers what was logged.
 fn name_once(stage: &'static str, message: String, named: &mut Vec<String>) {
     if named.len() == BAD_FRAMES_NAMED || named.contains(&message) {
         return;
@@ -249,7 +249,7 @@ mod tests {
     use super::*;
     use crate::error::Error;
 
-    /// Counts up to `end`; the numbers in `bad` cannot be had.
+    /// Counts up to `end`; the numbers in `bad` are bad frames.
     struct Count {
         next: u64,
         end: u64,
@@ -289,7 +289,7 @@ mod tests {
         }
     }
 
-    /// Refuses every number of `bad`; keeps what it gets.
+    /// Refuses every number of `bad`; keeps the others.
     struct Keep<'a> {
         kept: &'a mut Vec<Number>,
         bad: &'static [u64],

@@ -8,15 +8,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How often a wait for room looks whether an end was asked for.
+/// How often a wait for room checks whether an end was requested.
 const GLANCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
-/// After a request to end, a reader that takes nothing for so long is given up.
+/// After a shutdown request, a reader that takes nothing for this long is given up.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// A file, or a pipe whose reader may have stopped reading: a write waits for room as long as it takes, but
-/// not when the thread is to end. Lines are kept apart: where one writer had to leave a line unfinished, the
-/// next one to the same file ends it first.
+/// A file, or a pipe whose reader may have stopped reading: a write waits for room as long as necessary, but
+/// not after the end was requested. Where a writer had to leave a line unfinished, the next one to the same
+/// file ends that line first.
 pub struct StoppableWriter {
     file: File,
     shutdown: Shutdown,
@@ -31,7 +31,7 @@ impl StoppableWriter {
     /// the next writer to it whether this one has left a line unfinished.
     ///
     /// # Errors
-    /// When the file cannot be made so.
+    /// When the file cannot be made non-blocking.
     pub fn new(file: File, is_cut: &Arc<AtomicBool>, shutdown: &Shutdown) -> io::Result<Self> {
         let flags = fcntl_getfl(&file)?;
         fcntl_setfl(&file, flags | OFlags::NONBLOCK)?;

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
-/// Named threads that live and end together: the first error in time is the outcome, asks the others to end,
-/// and a panic is an error that aborts them. All are joined, also when this is dropped.
+/// Named threads that live and end together: the first error in time is the outcome and asks the others to
+/// end; a panic is an error that aborts them. All are joined, also when this is dropped.
 pub struct Threads {
     shutdown: Shutdown,
     first_error: Arc<Mutex<Option<Error>>>,
@@ -30,16 +30,16 @@ impl Threads {
         }
     }
 
-    /// Starts a thread. The name (15 bytes show) is what debuggers, `top -H` and panic messages say.
+    /// Starts a thread. Debuggers, `top -H` and panic messages show the name (its first 15 bytes).
     ///
     /// # Errors
-    /// When the system has no thread left.
+    /// When the system cannot start another thread.
     pub fn spawn(&mut self, name: &str, body: impl FnOnce() -> Result<()> + Send + 'static) -> Result<()> {
         let (shutdown, first_error, alive) =
             (self.shutdown.clone(), self.first_error.clone(), self.alive.clone());
         let thread_name = name.to_owned();
         let guarded = move || {
-            // What the body owned is seen by nobody; the rest is built for sharing.
+            // Nothing can access what the body owned; the rest is designed for sharing.
             let (outcome, panicked) = match contained(body) {
                 Ok(outcome) => (outcome, false),
                 Err(message) => (Err(panic_error(&thread_name, &message)), true),

@@ -27,25 +27,25 @@ pub enum Keys {
     Scale(Vec<Vec3>),
 }
 
-/// How one property of one node goes with time.
+/// How one property of one node changes over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     /// Index of the node, whose transform is a [`Transform::Trs`].
     pub node: usize,
-    /// Duration of the animation that the channel belongs to: the last key of all its channels. It starts
-    /// again after it. >= 0.
+    /// Duration of the animation that the channel belongs to: the time of the last key of all its channels.
+    /// The animation then starts again. >= 0.
     pub duration_s: f32,
-    /// How it goes between keys.
+    /// How values between keys are found.
     pub interpolation: Interpolation,
-    /// Times of the keys, strictly increasing, >= 0, at least one. Before the first and after the last one
-    /// the value stays.
+    /// Times of the keys, strictly increasing, >= 0, at least one. Before the first key and after the last
+    /// one the value is constant.
     pub times_s: Vec<f32>,
     /// The values.
     pub keys: Keys,
 }
 
 impl Channel {
-    /// Puts the value at `time_s` into `transform`, which stays as it is if it is a matrix.
+    /// Puts the value at `time_s` into `transform`, which is left unchanged if it is a matrix.
     pub(super) fn apply(&self, time_s: f64, transform: &mut Transform) {
         let Transform::Trs { translation, rotation, scale } = transform else { return };
         match &self.keys {

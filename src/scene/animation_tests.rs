@@ -66,7 +66,7 @@ fn rotations_take_the_shorter_arc_at_constant_speed() {
 
 #[test]
 fn cubic_splines_keep_to_the_polynomial_that_their_tangents_define() {
-    // x = t^3 - 2 t + 1 between unequal keys is a cubic, which Hermite's form gives back exactly.
+    // x = t^3 - 2 t + 1 between unequal keys is a cubic, which the Hermite form reproduces exactly.
     let (value, slope) = (|t: f32| t * t * t - 2.0 * t + 1.0, |t: f32| 3.0 * t * t - 2.0);
     let times = [0.5, 1.0, 3.0];
     let keys = times.iter().flat_map(|&t| [slope(t), value(t), slope(t)].map(|x| Vec3::new(x, -x, 7.0 * x)));
@@ -78,7 +78,7 @@ fn cubic_splines_keep_to_the_polynomial_that_their_tangents_define() {
     }
     assert_eq!(at(&spline, 0.0).x_axis.x, value(0.5));
 
-    // With tangents of zero a rotation is eased, and of unit length all the way.
+    // With zero tangents a rotation is eased, and it has unit length throughout.
     let quarter = Quat::from_rotation_z(0.5 * PI);
     let zero = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0);
     let keys = Keys::Rotation(vec![zero, Quat::IDENTITY, zero, zero, quarter, zero]);

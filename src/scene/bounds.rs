@@ -17,17 +17,17 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// The box of no point.
+    /// The empty box, which contains no point.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The smallest box around `points`; empty for none.
+    /// The smallest box around `points`; empty if there are none.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
         points
             .into_iter()
             .fold(Self::EMPTY, |bounds, p| Self { min: bounds.min.min(p), max: bounds.max.max(p) })
     }
 
-    /// Whether no point is in the box. A box of one point is not empty.
+    /// Whether the box contains no point. A box of one point is not empty.
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }

@@ -7,15 +7,16 @@ use std::f64::consts::TAU;
 /// Albedo of the ground.
 const GROUND: f32 = 0.5;
 
-/// How many times wider than what stands on it the ground is.
+/// Width of the ground as a multiple of the width of what stands on it.
 const GROUND_WIDTHS: f32 = 8.0;
 
-/// Times at which the ground is asked for what moves above it.
+/// Number of moments of the animation whose bounds together set the size of the ground.
 const POSES: usize = 32;
 
 impl Scene {
-    /// What is shown when no file is named: on a ground plane a torus knot (Lambert, warm) beside a sphere of
-    /// rough metal. 8610 triangles with exact normals; units are metres, each object about two of them high.
+    /// The scene shown when no file is named: a torus knot (Lambertian, warm colour) beside a sphere of rough
+    /// metal, on a ground plane. 8610 triangles with exact normals; units are metres, each object about 2 m
+    /// high.
     pub fn built_in() -> Self {
         let warm = Material::lambert([0.75, 0.42, 0.25]);
         let metal = Material::new(Shading::MetalRough { metallic: 1.0, roughness: 0.35 }, [0.9, 0.88, 0.85]);
@@ -40,9 +41,9 @@ impl Scene {
         scene
     }
 
-    /// A sphere of radius 1 around the origin, Lambert, of `segments` (at least 3) steps around and half as
-    /// many from pole to pole: every direction is the normal of some triangle, for measures of what culling
-    /// saves.
+    /// A Lambertian sphere of radius 1 around the origin, with `segments` (at least 3) steps around and half
+    /// as many from pole to pole. Its normals cover all directions, which is what measurements of culling
+    /// need.
     pub fn sphere_of_normals(segments: usize) -> Self {
         Self::of_meshes(
             vec![sphere(segments, 0)],
@@ -52,10 +53,11 @@ impl Scene {
         )
     }
 
-    /// Puts a horizontal square under all that casts shadows, for files that have no ground: Lambert, albedo
-    /// 0.5, eight times as wide as what stands on it and four times as wide as that is high, at its lowest
-    /// point; where something moves, of 32 moments of the longest animation. It casts no shadow; its node is
-    /// called `ground`. Under an empty scene it lies at height 0 and is 8 wide.
+    /// Puts a horizontal square under everything that casts shadows, for files that have no ground. It is
+    /// Lambertian with albedo 0.5, lies at the lowest point of the shadow casters, and is at least eight
+    /// times as wide as they are wide and at least four times as wide as they are high. In an animated scene
+    /// their bounds are taken over 32 moments of the longest animation. The ground casts no shadow; its node
+    /// is called `ground`. Under an empty scene it lies at height 0 and is 8 wide.
     pub fn add_ground(&mut self) {
         let mut bounds = Bounds::EMPTY;
         let mut world_from_mesh = Vec::new();
@@ -90,12 +92,12 @@ impl Scene {
     }
 }
 
-/// A unit sphere around the origin of `segments` steps around and half as many from pole to pole.
+/// A unit sphere around the origin, with `segments` steps around and half as many from pole to pole.
 fn sphere(segments: usize, material: usize) -> Mesh {
     let columns = segments.max(3);
     let rows = (columns / 2).max(2);
-    // Poles have a vertex for every column, as the seam has one for either side, for the texture coordinates'
-    // sake.
+    // The poles have a vertex for every column and the seam has one for either side, because their texture
+    // coordinates differ.
     let vertices = grid(rows, columns, |v, u| {
         let (theta, phi) = (v * TAU / 2.0, u * TAU);
         let normal = lightcast_core::math::direction(theta, phi).as_vec3();
@@ -106,14 +108,14 @@ fn sphere(segments: usize, material: usize) -> Mesh {
     Mesh::new(vertices, indices, material)
 }
 
-/// A tube around a curve on a torus that goes twice about the axis z and three times through the hole, of
-/// `along` steps along it and `around` steps around it.
+/// A tube around a curve on a torus that goes twice about the axis z and three times through the hole, with
+/// `along` steps along the tube and `around` steps around it.
 fn torus_knot(along: usize, around: usize, material: usize) -> Mesh {
     /// Radius of the tube.
     const TUBE: f64 = 0.2;
-    /// Of the torus: its circle, and the tube around that. Strands stay 2 * 0.3 apart.
+    /// Major and minor radius of the torus. The strands stay 2 * 0.3 apart.
     const RADII: (f64, f64) = (0.65, 0.3);
-    /// About the axis, and through the hole.
+    /// Turns about the axis, and through the hole.
     const TURNS: (f64, f64) = (2.0, 3.0);
     let vertices = grid(along, around, |v, u| {
         let (t, s) = (v * TAU, u * TAU);
@@ -126,7 +128,8 @@ fn torus_knot(along: usize, around: usize, material: usize) -> Mesh {
             slope * sin_p + radius * TURNS.0 * cos_p,
             RADII.1 * TURNS.1 * cos_q,
         );
-        // The curve lies on a torus, whose normal stands on the tangent and comes back to itself.
+        // The curve lies on a torus, whose normal is perpendicular to the curve's tangent and returns to
+        // itself after a full turn.
         let up = glam::DVec3::new(cos_q * cos_p, cos_q * sin_p, sin_q);
         let side = tangent.cross(up).normalize_or_zero();
         let normal = up * s.cos() + side * s.sin();
@@ -135,13 +138,13 @@ fn torus_knot(along: usize, around: usize, material: usize) -> Mesh {
     Mesh::new(vertices, grid_triangles(along, around, |_, _| true), material)
 }
 
-/// Positions and normals at `(v, u)` in [0, 1], rows of v, with both edges.
+/// Positions and normals at `(v, u)` in [0, 1], in rows of constant v, both edges included.
 fn grid(rows: usize, columns: usize, at: impl Fn(f64, f64) -> (Vec3, Vec3)) -> Vec<Vertex> {
     (0..=rows)
         .flat_map(|row| (0..=columns).map(move |column| (row, column)))
         .map(|(row, column)| {
             let (v, u) = (row as f64 / rows as f64, column as f64 / columns as f64);
-            // The last row and column are the first ones again, to the bit.
+            // The last column repeats the first one, bit for bit.
             let (position, normal) = at(v, if column == columns { 0.0 } else { u });
             Vertex {
                 position: position.to_array(),
@@ -153,7 +156,7 @@ fn grid(rows: usize, columns: usize, at: impl Fn(f64, f64) -> (Vec3, Vec3)) -> V
         .collect()
 }
 
-/// Two triangles for every cell of a grid, as far as `is_kept` (row, 0 or 1) wants them.
+/// Two triangles for every cell of a grid; those for which `is_kept` (row, 0 or 1) is false are left out.
 fn grid_triangles(rows: usize, columns: usize, is_kept: impl Fn(usize, usize) -> bool) -> Vec<u32> {
     let mut indices = Vec::new();
     for row in 0..rows {

@@ -3,7 +3,7 @@ use crate::scene::mesh::{corners, double_area};
 use glam::{DVec3, Mat4, Vec3};
 use lightcast_core::test_data::real_folder;
 
-/// Every index in range, every normal of length 1, every triangle with an area.
+/// Asserts that every index is in range, every normal has length 1 and every triangle has an area.
 pub(super) fn assert_sound(scene: &Scene) {
     for mesh in &scene.meshes {
         assert!(mesh.material < scene.materials.len());
@@ -45,8 +45,8 @@ fn built_in_objects_are_sound_face_outwards_and_rest_on_the_ground() {
     let scene = Scene::built_in();
     assert_sound(&scene);
     assert_eq!(scene.meshes.len(), 3);
-    // A vertex's normal turns by half a step against its triangles: 3.75 degrees on the sphere, 9 on the
-    // tube.
+    // A vertex's normal differs by half a step from those of its triangles: 3.75 degrees on the sphere, 9 on
+    // the tube.
     let agreement: Vec<f64> = scene.meshes.iter().map(worst_agreement).collect();
     assert!(agreement[0] > 0.93 && agreement[1] > 0.99 && agreement[2] == 1.0, "{agreement:?}");
     let triangles: usize = scene.meshes.iter().map(|mesh| mesh.indices.len() / 3).sum();
@@ -68,7 +68,7 @@ fn built_in_objects_are_sound_face_outwards_and_rest_on_the_ground() {
 fn the_seams_of_closed_surfaces_are_closed() {
     let scene = Scene::built_in();
     for mesh in &scene.meshes[..2] {
-        // The vector areas of a closed surface add up to nothing; a gap would leave its own.
+        // The vector areas of a closed surface add up to zero; a gap would leave its own vector area.
         let indices = mesh.indices.as_chunks().0;
         let areas: Vec<DVec3> = indices.iter().map(|t| double_area(corners(&mesh.vertices, *t))).collect();
         let total: f64 = areas.iter().map(|area| area.length()).sum();
@@ -131,7 +131,7 @@ fn a_ground_lies_under_what_moves_and_under_nothing() {
 #[test]
 fn real_meshes_have_the_counts_that_are_known_of_them() {
     let Some(folder) = real_folder("mesh") else { return };
-    // Vertices and triangles as SOURCES.md has them. `spot.obj` has 2930 positions and 3225 texture
+    // Vertices and triangles as listed in SOURCES.md. `spot.obj` has 2930 positions and 3225 texture
     // coordinates.
     for (name, vertices, triangles) in [
         ("bunny.glb", 3161, 5696),
@@ -160,7 +160,7 @@ fn real_meshes_have_the_counts_that_are_known_of_them() {
         eprintln!("{name}: {total} vertices, {kept} + {dropped} triangles");
         assert_eq!(kept + dropped, triangles, "{name}");
         assert_eq!(total, vertices, "{name}");
-        // Faces look outwards: the volume that they enclose, holes or not, is positive.
+        // Faces point outwards: the volume that they enclose, holes or not, is positive.
         let volume: f64 = scene
             .meshes
             .iter()

@@ -1,7 +1,7 @@
 use super::Bounds;
 use glam::{Mat3, Vec3};
 
-/// How far above the horizon a camera of [`Camera::framing`] stands, seen from the middle of what it shows,
+/// How far above the horizon a camera of [`Camera::framing`] stands, seen from the centre of what it shows,
 /// and how far to the right of +Z.
 const ELEVATION_RAD: f32 = 20.0 * std::f32::consts::PI / 180.0;
 const AZIMUTH_RAD: f32 = 30.0 * std::f32::consts::PI / 180.0;
@@ -9,7 +9,7 @@ const AZIMUTH_RAD: f32 = 30.0 * std::f32::consts::PI / 180.0;
 /// Vertical field of view of [`Camera::framing`].
 const FOV_RAD: f32 = 40.0 * std::f32::consts::PI / 180.0;
 
-/// Part of the picture's width and height that a framed box fills at most.
+/// Largest fraction of the picture's width and height that a framed box fills.
 const FILLED: f32 = 0.9;
 
 /// A pinhole camera in the world.
@@ -31,9 +31,9 @@ impl Camera {
     /// A camera that shows all of `bounds` in a picture of `aspect` (width over height), from 20 degrees
     /// above, 30 degrees to the right of +Z, with a vertical field of view of 40 degrees.
     ///
-    /// The box fills nine tenths of the picture's width or height at most, and one of them just so. A point
-    /// and the empty box are shown as if they were a unit cube. An `aspect` that is not finite and > 0 counts
-    /// as 1.
+    /// The box fills at most nine tenths of the picture's width and of its height, and exactly nine tenths of
+    /// one of them. A point and the empty box are shown as if they were a unit cube. An `aspect` that is not
+    /// finite and > 0 counts as 1.
     pub fn framing(bounds: &Bounds, aspect: f32) -> Self {
         let aspect = if aspect.is_finite() && aspect > 0.0 { aspect } else { 1.0 };
         let centre = bounds.centre();
@@ -47,7 +47,7 @@ impl Camera {
         let up = back.cross(right);
         let slope_y = (0.5 * FOV_RAD).tan() * FILLED;
         let slope_x = slope_y * aspect;
-        // Every corner asks for a distance from which it is just inside the edges.
+        // Every corner requires a distance at which it is just inside the edges.
         let (mut distance, mut nearest) = (0.0_f32, 0.0_f32);
         for corner in bounds.corners() {
             let offset = corner - centre;
@@ -61,19 +61,20 @@ impl Camera {
             target: centre,
             up: Vec3::Y,
             vertical_fov_rad: FOV_RAD,
-            // Half of the way to the box, so that what moves towards the camera is not cut at once.
+            // Half the distance to the box, so that objects moving towards the camera are not clipped at
+            // once.
             near: (0.5 * (distance - nearest)).max(1e-3 * distance),
         }
     }
 
     /// The rotation from the axes of the world to those of the camera: +X right, +Y up, looking along -Z.
     ///
-    /// Where the camera's fields are not as they should be (eye and target in one place, `up` along the
-    /// axis), it looks along -Z, or turns about the axis so that some other axis of the world is up; it is
-    /// always a rotation.
+    /// Where the camera's fields are degenerate, the camera looks along -Z (eye and target at the same
+    /// point), or some other axis of the world is up (`up` along the optical axis); the result is always a
+    /// rotation.
     pub fn view_from_world(&self) -> Mat3 {
         let forward = (self.target - self.eye).try_normalize().unwrap_or(Vec3::NEG_Z);
-        // What is left of parallel vectors is rounding, and as good as none.
+        // The cross product of parallel vectors is only rounding error and counts as zero.
         let right = forward.cross(self.up.normalize_or_zero());
         let right = if right.length() > 1e-3 { right } else { forward.any_orthonormal_vector() };
         let right = right.normalize_or_zero();
@@ -85,7 +86,7 @@ impl Camera {
 mod tests {
     use super::*;
 
-    /// Largest |x| and |y| of the box in the picture, whose edges are at 1.
+    /// Largest |x| and |y| of the box in the picture, whose edges are at -1 and 1.
     fn extent(camera: &Camera, bounds: &Bounds, aspect: f32) -> Vec3 {
         let view = camera.view_from_world();
         let slope = (0.5 * camera.vertical_fov_rad).tan();

@@ -1,11 +1,11 @@
-/// Albedo of what has neither a material nor colours.
+/// Albedo of surfaces that have neither a material nor colours.
 pub const GREY: f32 = 0.6;
 
 /// How a surface reflects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shading {
-    /// Metal and roughness as glTF 2.0 defines them (appendix B: GGX, Smith, Schlick; F0 = 0.04 or the base
-    /// colour).
+    /// The metallic-roughness model as glTF 2.0 defines it (appendix B: GGX, Smith, Schlick; F0 = 0.04 or the
+    /// base colour).
     MetalRough {
         /// 0 for dielectrics, 1 for metals; times the blue channel of the texture.
         metallic: f32,
@@ -13,7 +13,7 @@ pub enum Shading {
         roughness: f32,
     },
     /// A Lambertian term with the base colour as albedo, and Phong's lobe around the mirror direction (Havran
-    /// et al. 2005, section 5). Zero `specular` is Lambert's law alone.
+    /// et al. 2005, section 5). With zero `specular` this is Lambert's law alone.
     Phong {
         /// Colour of the lobe (MTL `Ks`), linear, >= 0.
         specular: [f32; 3],
@@ -25,10 +25,10 @@ pub enum Shading {
 /// What a surface is made of. Colours are linear, Rec. 709 primaries. Textures are indices into
 /// [`Scene::textures`](super::Scene::textures), looked up at the vertex's `uv`.
 ///
-/// Occlusion textures of glTF files are left out on purpose: they hold the shadow of ambient light, which the
-/// lights with their shadow maps give already, so it would be counted twice. Every triangle is seen from both
-/// sides, and casts shadows from both, whatever `doubleSided` says: many files leave it out, or wind
-/// triangles either way.
+/// Occlusion textures of glTF files are ignored on purpose: they hold the occlusion of ambient light, which
+/// the lights with their shadow maps produce already, so it would be counted twice. Every triangle is visible
+/// from both sides, and casts shadows from both, whatever `doubleSided` says: many files leave it out or have
+/// inconsistent winding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// How the surface reflects.
@@ -37,19 +37,20 @@ pub struct Material {
     pub base_colour: [f32; 4],
     /// Albedo and alpha (sRGB).
     pub base_colour_texture: Option<usize>,
-    /// Normals in the tangent frame, as glTF has them: `2 t - 1`, green up the picture (against v). The frame
-    /// follows from the derivatives of `uv`; tangents of files are not read.
+    /// Normals in the tangent frame as in glTF: `2 t - 1`, green pointing up in the picture (against v). The
+    /// frame follows from the derivatives of `uv`; tangents of files are not read.
     pub normal_texture: Option<usize>,
     /// Factor on x and y of the normal texture.
     pub normal_scale: f32,
-    /// Roughness in green, metal in blue (linear).
+    /// Roughness in green, metalness in blue (linear).
     pub metallic_roughness_texture: Option<usize>,
-    /// Radiance that the surface sends by itself, >= 0; times the texture. It lights nothing else. The
-    /// renderer shows no more than 65504.
+    /// Radiance that the surface emits, >= 0; times the texture. It does not light other surfaces. The
+    /// renderer clamps it to 65504.
     pub emissive: [f32; 3],
     /// Emitted colour (sRGB).
     pub emissive_texture: Option<usize>,
-    /// Where alpha is below it, the surface is not there, for shadows either. `None`: opaque, alpha unused.
+    /// Where alpha is below this value the surface is absent, also from shadows. `None`: opaque, alpha
+    /// unused.
     pub alpha_cutoff: Option<f32>,
 }
 

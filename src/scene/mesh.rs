@@ -10,8 +10,8 @@ pub struct Vertex {
     pub position: [f32; 3],
     /// Outward unit vector.
     pub normal: [f32; 3],
-    /// Texture coordinates, origin at the top left of the picture, v downwards (as glTF; OBJ and PLY files
-    /// are turned over). Zero where a file has none.
+    /// Texture coordinates, origin at the top left of the picture, v downwards (as in glTF; v of OBJ and PLY
+    /// files is flipped). Zero where a file has none.
     pub uv: [f32; 2],
     /// Linear colour and alpha in [0, 1], a factor on the material's base colour. White where a file has
     /// none.
@@ -41,7 +41,8 @@ impl Mesh {
     }
 }
 
-/// Refuses numbers of a file that are not finite and indices of vertices that are not there.
+/// Refuses numbers of a file that are not finite and indices of vertices that do not exist. `place` names the
+/// mesh.
 pub(super) fn check(vertices: &[Vertex], indices: &[u32]) -> Result<()> {
     if !indices.len().is_multiple_of(3) {
         return Err(Error::usage(format!("{} indices are no triangles", indices.len())));
@@ -72,8 +73,8 @@ pub(super) fn check(vertices: &[Vertex], indices: &[u32]) -> Result<()> {
     Ok(())
 }
 
-/// Takes the triangles without area out of `indices`: those with two corners in one place or all in a line.
-/// Returns how many there were.
+/// Removes the triangles without area from `indices`: those with two coincident corners or with collinear
+/// corners. Returns how many there were.
 pub(super) fn drop_zero_area(vertices: &[Vertex], indices: &mut Vec<u32>) -> usize {
     let before = indices.len();
     let mut kept = 0;

@@ -1,6 +1,6 @@
 //! Scenes to be lit: meshes, materials, textures, a tree of nodes that may move, a camera. Plain data on the
-//! CPU, read from glTF, OBJ and PLY files or built in; nothing is computed in advance that a moving object
-//! would make wrong.
+//! CPU, read from glTF, OBJ and PLY files or built in; nothing is precomputed that a moving object would
+//! invalidate.
 
 mod animation;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What is said of nodes by their names.
+//! Roles of nodes that are set by the nodes' names.
 
 use super::{Roles, Scene};
 use crate::error::{Error, Result};
@@ -7,7 +7,7 @@ impl Scene {
     /// Changes the roles of all instances at nodes of this name and below them.
     ///
     /// # Errors
-    /// Kind `Usage` where no node has the name, with those that there are.
+    /// Kind `Usage` where no node has the name; the message lists the existing names.
     pub fn change_roles(&mut self, name: &str, changed: impl Fn(Roles) -> Roles) -> Result<()> {
         let mut is_meant = Vec::with_capacity(self.nodes.len());
         for (place, node) in self.nodes.iter().enumerate() {
@@ -23,7 +23,7 @@ impl Scene {
     }
 
     fn no_node(&self, name: &str) -> Error {
-        /// Names that a message has room for.
+        /// Most names that a message lists.
         const MOST: usize = 20;
         let mut names: Vec<&str> =
             self.node_names.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();

@@ -1,12 +1,12 @@
 use super::Roles;
 use glam::{Mat4, Quat, Vec3};
 
-/// Where a node stands in its parent's frame.
+/// Position and orientation of a node in its parent's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Transform {
     /// Any affine matrix. A node with one is not animated.
     Matrix(Mat4),
-    /// Scaled, then turned, then moved: the form that animations change.
+    /// Scaling, then rotation, then translation: the form that animations change.
     Trs {
         /// Translation in the parent's units.
         translation: Vec3,
@@ -18,11 +18,11 @@ pub enum Transform {
 }
 
 impl Transform {
-    /// Nothing moved.
+    /// The identity.
     pub const IDENTITY: Self =
         Self::Trs { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
 
-    /// From the node's frame to its parent's.
+    /// The matrix from the node's frame to its parent's.
     pub fn parent_from_node(&self) -> Mat4 {
         match *self {
             Self::Matrix(matrix) => matrix,
@@ -36,9 +36,9 @@ impl Transform {
 /// A frame in the tree of frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
-    /// Index of the parent, smaller than the node's own; `None` for those that stand in the world.
+    /// Index of the parent, smaller than the node's own; `None` for root nodes, whose parent is the world.
     pub parent: Option<usize>,
-    /// Where it stands when nothing animates it.
+    /// Its transform when nothing animates it.
     pub transform: Transform,
 }
 
@@ -49,6 +49,6 @@ pub struct Instance {
     pub mesh: usize,
     /// Index of the node whose frame the mesh stands in.
     pub node: usize,
-    /// What it is there for.
+    /// Which roles it plays.
     pub roles: Roles,
 }

@@ -5,14 +5,14 @@ use super::mesh::{corners, double_area};
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// Gives a normal to every vertex whose normal is zero or not finite, and makes the others unit vectors.
-/// Returns how many of the vertices that triangles use it gave one.
+/// Computes a normal for every vertex whose normal is zero or not finite, and normalises the others. Returns
+/// the number of computed normals, counting only vertices that triangles use.
 ///
-/// The given normal is smooth: the mean of the normals of the triangles that meet in exactly this position,
+/// A computed normal is smooth: the mean of the normals of the triangles that meet in exactly this position,
 /// weighted by their angles there (Thuermer and Wuethrich 1998), whether or not they share the vertex, so
 /// that seams of the texture and of the material do not show. Where they cancel out (the two sides of a
-/// sheet), it is the normal of the first of the vertex's own triangles; without a triangle it is +Y. No
-/// triangle may be without area.
+/// sheet), it is the normal of the first of the vertex's own triangles; without a triangle it is +Y. Every
+/// triangle must have an area.
 pub(super) fn fill_normals(vertices: &mut [Vertex], indices: &[u32]) -> usize {
     let mut missing = 0;
     for vertex in vertices.iter_mut() {
@@ -22,7 +22,7 @@ pub(super) fn fill_normals(vertices: &mut [Vertex], indices: &[u32]) -> usize {
     if missing == 0 {
         return 0;
     }
-    // Adding zero makes -0 and 0 one place.
+    // Adding zero makes -0 and 0 the same position.
     let place = |vertex: &Vertex| vertex.position.map(|x| (x + 0.0).to_bits());
     let mut sums: HashMap<[u32; 3], DVec3> = HashMap::new();
     for vertex in vertices.iter().filter(|vertex| vertex.normal == [0.0; 3]) {
@@ -45,7 +45,7 @@ pub(super) fn fill_normals(vertices: &mut [Vertex], indices: &[u32]) -> usize {
                 continue;
             }
             let sum = sums[&place(&vertices[*index as usize])];
-            // What is left of angles that cancel is rounding.
+            // Normals that cancel out leave only rounding error.
             let smooth = if sum.length() > 1e-9 { sum } else { double_area(corners(vertices, *triangle)) };
             vertices[*index as usize].normal = unit(smooth).unwrap_or([0.0, 1.0, 0.0]);
             given += 1;
@@ -57,8 +57,8 @@ pub(super) fn fill_normals(vertices: &mut [Vertex], indices: &[u32]) -> usize {
     given
 }
 
-/// Corners that no triangles share, with the normals of their triangles: what glTF 2.0 (section 3.7.2.1) asks
-/// for where a file has no normals. No triangle may be without area.
+/// Unshared corners with the normals of their triangles, that is, flat shading: what glTF 2.0 (section
+/// 3.7.2.1) requires where a file has no normals. Every triangle must have an area.
 pub(super) fn flat(vertices: &[Vertex], indices: &[u32]) -> (Vec<Vertex>, Vec<u32>) {
     let mut apart = Vec::with_capacity(indices.len());
     for triangle in indices.as_chunks().0 {

@@ -1,7 +1,8 @@
 use crate::error::{Error, Result};
 
-/// What an instance is there for. One that only casts shadows is *held out*: a real thing of a photograph
-/// that pictures are laid over has a shadow of what stands on it, but must not be seen twice.
+/// What an instance contributes to the picture. An instance that only casts shadows is *held out*: a stand-in
+/// for a real object in the photograph that the picture is composited over must cast its shadow, but must not
+/// be visible twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Roles {
     /// Whether the camera sees it.
@@ -13,19 +14,19 @@ pub struct Roles {
 }
 
 impl Roles {
-    /// All of them: what things are like.
+    /// All roles: an ordinary object.
     pub const ALL: Self = Self { seen: true, casts: true, receives: true };
-    /// None: as if it were not there.
+    /// No role: as if the instance did not exist.
     pub const NONE: Self = Self { seen: false, casts: false, receives: false };
-    /// It casts shadows, and is not seen.
+    /// Casts shadows but is not seen.
     pub const HELD_OUT: Self = Self { casts: true, ..Self::NONE };
-    /// It is seen, and casts none: what a ground plane is like, which only catches them.
+    /// Is seen but casts no shadows, such as a ground plane, which only receives them.
     pub const NO_SHADOW: Self = Self { casts: false, ..Self::ALL };
 
-    /// Roles by their names, which are those of the fields; the others are not played.
+    /// The roles with these names, which are the names of the fields; the instance does not play the others.
     ///
     /// # Errors
-    /// With what is wrong, for any other name.
+    /// Any other name; the message says what is wrong.
     pub fn of_names<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<Self> {
         let mut roles = Self::NONE;
         for name in names {

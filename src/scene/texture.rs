@@ -2,10 +2,10 @@ use crate::error::{Error, Result};
 use image::{ImageDecoder, ImageFormat, ImageReader};
 use std::io::Cursor;
 
-/// Longest side of a texture that is read: what every GPU takes.
+/// Longest side of a texture that is read, which every GPU supports.
 pub const MAX_TEXTURE_SIDE_PX: u32 = 8192;
 
-/// Most pixels that all textures of a scene have together (512 MB).
+/// Most pixels of all textures of a scene together (512 MB).
 pub const MAX_TEXTURE_PIXELS: u64 = 1 << 27;
 
 /// What lies beyond a texture's edge.
@@ -14,14 +14,14 @@ pub enum Wrap {
     /// The texture again.
     #[default]
     Repeat,
-    /// The texture again, every other time mirrored.
+    /// The texture again, every other copy mirrored.
     MirroredRepeat,
     /// The pixels of the edge.
     ClampToEdge,
 }
 
-/// A picture on a surface. Row 0 is at v = 0, the top. How it is filtered is the renderer's matter; the
-/// filters of glTF files are not read.
+/// A picture on a surface. Row 0 is at v = 0, the top. The renderer decides how it is filtered; the filters
+/// of glTF files are not read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Texture {
     /// Columns, > 0.
@@ -33,16 +33,16 @@ pub struct Texture {
     /// Whether red, green and blue are coded as sRGB (colours) or linear (normals, roughness). Alpha is
     /// linear.
     pub is_srgb: bool,
-    /// Beyond the left and right edges.
+    /// Wrapping beyond the left and right edges.
     pub wrap_u: Wrap,
-    /// Beyond the top and bottom edges.
+    /// Wrapping beyond the top and bottom edges.
     pub wrap_v: Wrap,
 }
 
 impl Texture {
-    /// Decodes a PNG or JPEG picture, whatever its name. `pixels_left` is what the textures of a scene may
-    /// still have; the picture's pixels are taken from it. More than 8 bits are rounded, grey becomes red,
-    /// green and blue.
+    /// Decodes a PNG or JPEG picture, whatever its name. `pixels_left` is the number of pixels that the
+    /// textures of a scene may still have; the picture's pixels are subtracted from it. Samples of more than
+    /// 8 bits are rounded, grey becomes red, green and blue.
     pub(super) fn decode(bytes: &[u8], is_srgb: bool, pixels_left: &mut u64) -> Result<Self> {
         let format = match bytes {
             [0x89, b'P', b'N', b'G', ..] => ImageFormat::Png,
@@ -67,7 +67,7 @@ impl Texture {
             )));
         }
         let mut limits = image::Limits::default();
-        // 16-bit RGBA, and what a decoder needs besides.
+        // 16-bit RGBA, and what a decoder needs in addition.
         limits.max_alloc = Some(8 * pixels + (64 << 20));
         decoder.set_limits(limits).map_err(damaged)?;
         let picture = image::DynamicImage::from_decoder(decoder).map_err(damaged)?;

@@ -1,36 +1,35 @@
 use super::{Bounds, Camera, Channel, Instance, Material, Mesh, Node, Roles, Texture, Transform};
 use glam::Mat4;
 
-/// Meshes where they stand, what they are made of and how they move. Plain lists that refer to each other by
-/// index.
+/// Meshes with their positions, materials and animations: plain lists that refer to each other by index.
 ///
 /// World: right-handed, +Y up.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// Triangles.
     pub meshes: Vec<Mesh>,
-    /// What they are made of.
+    /// Materials of the meshes.
     pub materials: Vec<Material>,
-    /// Pictures of the materials.
+    /// Textures of the materials.
     pub textures: Vec<Texture>,
     /// The tree of frames, parents before their children.
     pub nodes: Vec<Node>,
-    /// Names of the nodes, in their order; empty where a node has none, and shorter where no more nodes have
-    /// one.
+    /// Names of the nodes, in their order; empty for a node without a name. The list ends early where no
+    /// later node has a name.
     pub node_names: Vec<String>,
-    /// Where the meshes stand.
+    /// The meshes at their nodes.
     pub instances: Vec<Instance>,
-    /// How nodes move, in the order of their nodes. All animations of a file play together, each over and
-    /// over.
+    /// How nodes move, in the order of their nodes. All animations of a file play at the same time, each in a
+    /// loop.
     pub channels: Vec<Channel>,
     /// The file's first perspective camera, where it stands at time 0.
     pub camera: Option<Camera>,
-    /// What somebody who looks at the picture should know: what was left out of the file, and why.
+    /// What a viewer of the picture should know: what was left out of the file, and why.
     pub notes: Vec<String>,
 }
 
 impl Scene {
-    /// A scene of meshes that stand where their coordinates say.
+    /// A scene of meshes at the positions that their coordinates give.
     pub(super) fn of_meshes(
         meshes: Vec<Mesh>,
         materials: Vec<Material>,

@@ -6,7 +6,8 @@ use crate::source::FrameFormat;
 use glam::DMat3;
 use lightcast_core::camera::{FrameToPolar, LOOKING_UP, Projection, Response};
 
-/// The calibration that a configuration names, with the response that goes before its own.
+/// The calibration that a configuration names, with the configuration's response in place of its own where
+/// there is one.
 ///
 /// # Errors
 /// Kind `Usage` for a calibration that cannot be used.
@@ -20,7 +21,7 @@ pub(super) fn calibration(config: &Config) -> Result<Option<Calibration>> {
     Ok(Some(calibration))
 }
 
-/// What sensor codes mean, as far as a configuration says it.
+/// The meaning of sensor codes according to a configuration.
 ///
 /// # Errors
 /// As [`calibration`].
@@ -29,11 +30,11 @@ pub(super) fn response(config: &Config) -> Result<Response> {
     Ok(own.or_else(|| config.camera.response.clone()).unwrap_or_default())
 }
 
-/// The way from frames of this format to polar maps, and what their samples mean.
+/// The conversion from frames of this format to polar maps, and the meaning of their samples.
 ///
 /// # Errors
-/// Kind `Usage` for a calibration that cannot be used or is not one of these frames: better told once at the
-/// start than by every frame.
+/// Kind `Usage` for a calibration that cannot be used or does not belong to these frames: this is better
+/// reported once at the start than for every frame.
 pub(super) fn frame_to_polar(
     config: &Config,
     format: &FrameFormat,

@@ -16,18 +16,18 @@ pub(super) struct Graph {
     shutdown: Shutdown,
     metrics: Vec<Arc<Metrics>>,
     starts: Vec<Start>,
-    /// The first error of an end that the others go on without.
+    /// The first error of an end without which the others continue.
     aside: Arc<Mutex<Option<Error>>>,
 }
 
 type Start = Box<dyn FnOnce(&mut Threads) -> Result<()>>;
 
-/// What the end of an end is to the others.
+/// The effect on the others when an end has gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Departure {
-    /// All end; an error is that of the service.
+    /// All of them end; an error is that of the service.
     EndsAll,
-    /// They go on. That it has ended is logged at once; an error is told when all have ended, too.
+    /// They continue. The end is logged immediately, and an error is reported again when all have ended.
     IsTold,
 }
 
@@ -35,13 +35,13 @@ pub(super) enum Departure {
 pub(super) struct Output<T>(Rc<RefCell<Option<FanOut<T>>>>);
 
 impl<T: Copied> Output<T> {
-    /// The way to the next stage of the chain.
+    /// The link to the next stage of the chain.
     pub fn next(&self, (sender, receiver): (Sender<T>, Receiver<T>)) -> Receiver<T> {
         self.change(|outlet| outlet.set_next(sender));
         receiver
     }
 
-    /// The way to an end, for copies of the first item in every block of `every` sequence numbers, or of a
+    /// The link to an end, for copies of the first item in every block of `every` sequence numbers, or of a
     /// part of it.
     pub fn copies<P: PartOf<T> + 'static, R>(&self, (sender, receiver): (Sender<P>, R), every: u64) -> R {
         self.change(|outlet| outlet.add(sender, every));
@@ -64,8 +64,8 @@ impl Graph {
         }
     }
 
-    /// Adds a stage, on a thread that is called what `metrics` are called. `buffer` is what it fills where no
-    /// next stage brings buffers of its own.
+    /// Adds a stage, on a thread with the name of `metrics`. It fills `buffer` where no next stage brings
+    /// buffers of its own.
     pub fn stage<I, S>(
         &mut self,
         metrics: Arc<Metrics>,
@@ -86,8 +86,8 @@ impl Graph {
             let outlet = outlet.take().expect("a graph starts once");
             threads.spawn(metrics.name(), move || {
                 let outcome = stage::run(stage, inlet, outlet, &clock, &shutdown, &metrics);
-                // Whoever ends first ends all. Without this a source that waits for a frame's time would find
-                // out only when it has come that nobody reads any more.
+                // The first stage to end ends all. Without this a source that waits for a frame's time would
+                // notice only then that no reader is left.
                 shutdown.request();
                 outcome.map(|_| ())
             })
@@ -95,7 +95,7 @@ impl Graph {
         Output(output)
     }
 
-    /// Adds a stage that has no output, on a thread that is called what `metrics` are called.
+    /// Adds a stage that has no output, on a thread with the name of `metrics`.
     pub fn end<I, S>(&mut self, metrics: Arc<Metrics>, stage: S, inlet: I, departure: Departure)
     where
         I: Inlet + 'static,
@@ -139,7 +139,7 @@ impl Graph {
     /// Starts all stages, readers before their writers.
     ///
     /// # Errors
-    /// Those of the system for threads; what had started is ended.
+    /// Those of the system for threads; stages that had started are ended.
     pub fn start(self) -> Result<Running> {
         let mut threads = Threads::new(&self.shutdown);
         for start in self.starts.into_iter().rev() {
@@ -160,7 +160,7 @@ impl Running {
     /// Waits for the end and calls `watch` about every `interval` meanwhile.
     pub fn join(self, interval: Duration, watch: impl FnMut()) -> Result<()> {
         self.threads.join(interval, watch)?;
-        // Nobody else holds it: all threads have ended.
+        // The lock is free: all threads have ended.
         match self.aside.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(error) => Err(error),
             None => Ok(()),

@@ -1,4 +1,5 @@
-//! The graph of stages and its supervisor: threads from a configuration, their end, and what they have done.
+//! The graph of stages and its supervisor: starting threads from a configuration, ending them, and their
+//! metrics.
 //!
 //! ```text
 //! source ──Frame──▶ calibrate ──PolarMap──▶ light ──LightList──▶ filter ──LightList──▶ ends
@@ -36,12 +37,13 @@ use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Items that a `bounded` link holds: one to take while the next is made evens out the jitter of two stages,
-/// and another that of the disk. More would only cost memory, the slowest stage sets the pace.
+/// Items that a `bounded` link holds: one that is read while the next is made compensates for the jitter of
+/// two stages, and another for that of the disk. More would only cost memory, because the slowest stage sets
+/// the pace.
 const LINK_CAPACITY: usize = 2;
 
-/// Lists that wait for a file that is slower than the service: five seconds at 25 lists a second even out
-/// what disks and readers of a pipe do. Their memory is taken when they are needed first.
+/// Lists that wait for a file that is slower than the service: five seconds at 25 lists a second bridge the
+/// delays of disks and of readers of a pipe. Their memory is allocated when they are first needed.
 const LIST_QUEUE: usize = 128;
 
 /// A running service.
@@ -52,17 +54,17 @@ pub struct Service {
 
 impl Service {
     /// Opens everything that `config` and `ends` name, then starts the threads. They end when the sequence
-    /// does, on the first error, when `shutdown` is requested, and when nobody wants what they make: where
-    /// clients are served, that never is.
+    /// does, on the first error, when `shutdown` is requested, and when no recipient is left, which never
+    /// happens where clients are served.
     ///
     /// # Errors
-    /// Kind `Usage` for options that do not work, with file and line; those of the source when no frame can
-    /// be read; those of opening the output; those of the system for threads and folders.
+    /// Kind `Usage` for invalid options, with file and line; those of the source when no frame can be read;
+    /// those of opening the output; those of the system for threads and folders.
     pub fn start(config: &Config, ends: Ends, shutdown: &Shutdown) -> Result<Self> {
         Self::start_with(config, OpenedSource::open(config)?, ends, shutdown)
     }
 
-    /// As [`Self::start`], with frames from `source` and not from what `config` names.
+    /// As [`Self::start`], with frames from `source` instead of what `config` names.
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -81,8 +83,8 @@ impl Service {
         Ok(Self { running, frame_count })
     }
 
-    /// Whether a service with this configuration would start, as far as that can be told while another one
-    /// has the camera: what only the camera knows shows when it is opened.
+    /// Whether a service with this configuration would start, to the extent that this can be checked while
+    /// another one has the camera: some errors show only when the camera is opened.
     ///
     /// # Errors
     /// Those of [`Self::start`].
@@ -98,7 +100,7 @@ impl Service {
         Ok(())
     }
 
-    /// Records what `config` names and makes no lights of it.
+    /// Records the source that `config` names, without making lights.
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -114,8 +116,8 @@ impl Service {
         Ok(Self { running: graph.start()?, frame_count })
     }
 
-    /// Gives the first `count` frames of what `config` names to `each`, in the calling thread; fewer where a
-    /// sequence ends. Their meaning is not looked at. Requests `shutdown` when it is done.
+    /// Calls `each` with the first `count` frames of the source that `config` names, in the calling thread;
+    /// with fewer where a sequence ends. The calibration is not used. Requests `shutdown` when it is done.
     ///
     /// # Errors
     /// Those of the source and of `each`; kind `Failed` when `shutdown` was requested before.
@@ -159,7 +161,7 @@ impl Service {
         self.frame_count
     }
 
-    /// What the stages have done so far; it goes on counting while they run.
+    /// The metrics of the stages so far; they continue to count while the stages run.
     pub fn summary(&self) -> Summary {
         self.running.summary.clone()
     }
@@ -173,7 +175,7 @@ impl Service {
     }
 }
 
-/// Everything that makes lights of frames, and everybody who gets them, in the order of the data.
+/// All stages that make lights of frames, and all recipients of the lights, in the order of the data.
 fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: &Shutdown) -> Result<Graph> {
     let wants_lists = ends.want_lists();
     let opened = Opened::new(config, &source, &mut ends, shutdown)?;
@@ -206,7 +208,7 @@ fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: 
         graph.end(Metrics::new("board-map"), PostMaps(board.clone()), link, Departure::IsTold);
     }
     let picture = pictures.map(|Pictures { folder, every }| {
-        // A map waits for its list until the filter lets it out; with less room the maps' stage would wait,
+        // A map waits for its list until the filter outputs it; with less room the maps' stage would block,
         // and with it the list that the map waits for.
         let waiting = u64::from(opened.delay_frames) / every.max(1) + 1;
         let metrics = Metrics::new("picture");
@@ -253,7 +255,7 @@ fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: 
 
 type Recorder = (Arc<Metrics>, stage::Record, (link::Sender<Frame>, link::Receiver<Frame>));
 
-/// What can fail, opened and checked before a thread is started.
+/// Everything that can fail, opened and checked before a thread is started.
 struct Opened {
     calibrate: (Arc<Metrics>, stage::Calibrate),
     light: stage::Light,
@@ -264,7 +266,7 @@ struct Opened {
 }
 
 impl Opened {
-    /// The output comes last: a start that fails leaves an old file alone.
+    /// The output comes last: a start that fails does not touch an existing file.
     fn new(config: &Config, source: &OpenedSource, ends: &mut Ends, shutdown: &Shutdown) -> Result<Self> {
         let (frame_to_polar, response) = camera::frame_to_polar(config, source.format(), source.name())?;
         let metrics = Metrics::new("calibrate");
@@ -303,12 +305,12 @@ fn filter(config: &Config) -> Result<RateFilter> {
     RateFilter::new(&config.filter).map_err(|error| config.locate("filter", error))
 }
 
-/// The filter designs its taps when it sees the first list; what no taps can do is told before.
+/// The filter designs its taps when it gets the first list; impossible requirements are reported before that.
 fn taps(config: &Config, source: &OpenedSource) -> Result<Taps> {
     low_pass(source.format().frame_rate_hz, &config.filter).map_err(|error| config.locate("filter", error))
 }
 
-/// Links to what writes files.
+/// Links to the stages that write files.
 struct FileLinks<'a> {
     /// Whether the service waits for them.
     waits: bool,
@@ -316,7 +318,8 @@ struct FileLinks<'a> {
 }
 
 impl FileLinks<'_> {
-    /// A link of `capacity` items; those that find no room where nobody waits are counted by `dropped`.
+    /// A link of `capacity` items; where the service does not wait, those that do not fit are counted by
+    /// `dropped`.
     fn link<T: Item>(
         &self,
         capacity: usize,
@@ -331,7 +334,7 @@ impl FileLinks<'_> {
     }
 }
 
-/// A link of the chain: a live service never waits for its reader, who gets the newest; a replay loses
+/// A link of the chain: a live service never waits for its reader, which gets the newest; a replay loses
 /// nothing.
 fn connect<T: Item>(
     links: Links,

@@ -29,7 +29,7 @@ pub struct OpenedSource {
     name: String,
     metrics: Arc<Metrics>,
     exposure_s: Option<f64>,
-    /// What to add to capture times to get nanoseconds since 1970.
+    /// The offset from capture times to nanoseconds since 1970.
     utc_from_capture_ns: Option<i64>,
     epoch: CaptureEpoch,
 }
@@ -40,11 +40,10 @@ enum Frames {
 }
 
 impl OpenedSource {
-    /// Opens what a configuration names.
+    /// Opens the source that a configuration names.
     ///
     /// # Errors
-    /// Those of the source: no file or no camera of this name, or nothing that can be used as it is
-    /// configured.
+    /// Those of the source: no file or no camera of this name, or one that cannot be used as configured.
     pub fn open(config: &Config) -> Result<Self> {
         match &config.source {
             config::SourceOptions::Sequence(options) => {
@@ -112,7 +111,7 @@ impl OpenedSource {
         &self.name
     }
 
-    /// How its capture times stand to the kernel's clock.
+    /// The relation of its capture times to the kernel's clock.
     pub(super) fn epoch(&self) -> CaptureEpoch {
         self.epoch.clone()
     }
@@ -122,7 +121,7 @@ impl OpenedSource {
         matches!(self.frames, Frames::Sequence(_))
     }
 
-    /// Frames to come, readable or not; `None` without an end.
+    /// Frames to come, readable or not; `None` where they never end.
     pub fn frame_count(&self) -> Option<u64> {
         match &self.frames {
             Frames::Sequence(sequence) => sequence.frame_count(),
@@ -130,7 +129,7 @@ impl OpenedSource {
         }
     }
 
-    /// What is known of a recording of it.
+    /// The description of a recording of it.
     pub(super) fn recording(&self, calibration: Option<serde_json::Value>) -> Recording {
         Recording {
             version: 1,
@@ -160,7 +159,7 @@ impl OpenedSource {
         }
     }
 
-    /// The time that paces it, when it may run as fast as it goes.
+    /// The clock that paces it; `is_fast` lets it run as fast as possible.
     pub(super) fn clock(&self, is_fast: bool) -> Clock {
         match self.frames {
             Frames::Sequence(_) if is_fast => Clock::simulated(),

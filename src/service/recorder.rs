@@ -23,12 +23,12 @@ pub struct RecordOptions {
     pub frames_max: u64,
 }
 
-/// Frames that wait for the disk unless told otherwise: half a second at 60 frames per second evens out what
-/// disks do.
+/// Frames that wait for the disk by default: half a second at 60 frames per second bridges the delays of
+/// disks.
 pub const RECORD_QUEUE: usize = 30;
 
 impl Default for RecordOptions {
-    /// What the camera gives, without an end.
+    /// The camera's codes, without an end.
     fn default() -> Self {
         Self {
             folder: PathBuf::new(),
@@ -39,10 +39,10 @@ impl Default for RecordOptions {
     }
 }
 
-/// What is written of a pixel.
+/// The samples that are written for a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordSamples {
-    /// What the camera gives, without loss.
+    /// The camera's codes, without loss.
     AsCaptured,
     /// Radiance, by the response, as half floats.
     Half,
@@ -51,7 +51,7 @@ pub enum RecordSamples {
 /// Makes the recorder. It ends by itself when its source has ended.
 ///
 /// # Errors
-/// `Usage`: the folder is not empty, half floats are wanted where no response is known or of a mosaic.
+/// `Usage`: the folder is not empty, or half floats are requested of a mosaic or where no response is known.
 pub(super) fn recorder(
     config: &Config,
     options: &RecordOptions,
@@ -69,7 +69,7 @@ pub(super) fn recorder(
     Record::new(options.folder.clone(), recording, table, options.frames_max, metrics)
 }
 
-/// The way to a recorder, for which the source may wait or not.
+/// The link to a recorder; `waits` says whether the source waits for it or drops frames.
 pub(super) fn recorder_link(
     options: &RecordOptions,
     waits: bool,

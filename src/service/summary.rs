@@ -3,7 +3,7 @@ use crate::stage::ATTEMPTS;
 use std::fmt;
 use std::sync::Arc;
 
-/// What every stage has done, as a table.
+/// The metrics of every stage, as a table.
 #[derive(Clone, Debug)]
 pub struct Summary {
     stages: Vec<Arc<Metrics>>,
@@ -15,7 +15,7 @@ impl Summary {
         Self { stages }
     }
 
-    /// With one stage more, which runs outside of the service.
+    /// With one more stage, which runs outside the service.
     #[must_use]
     pub fn with(mut self, stage: Arc<Metrics>) -> Self {
         self.stages.push(stage);
@@ -27,20 +27,20 @@ impl Summary {
         &self.stages
     }
 
-    /// Something that grows as long as the service is well: its lists, see [`Self::lists_made`], and the
-    /// attempts to start a camera that is away.
+    /// A number that grows as long as the service works: its lists, see [`Self::lists_made`], and the attempts
+    /// to start a camera that is missing.
     pub fn progress(&self) -> u64 {
         let counters = self.stage("source").map(Metrics::counters).unwrap_or_default();
         let attempts = counters.iter().find(|(name, _)| *name == ATTEMPTS).map_or(0, |counter| counter.1);
         self.lists_made() + attempts
     }
 
-    /// Filtered light lists that clients can have; without clients, those that have been made.
+    /// Number of filtered light lists that are ready for clients; without a board, of those that were made.
     pub fn lists_made(&self) -> u64 {
         self.stage("board").or_else(|| self.stage("filter")).map_or(0, |stage| stage.frames.get())
     }
 
-    /// What the stage of this name has done.
+    /// The metrics of the stage of this name.
     pub fn stage(&self, name: &str) -> Option<&Metrics> {
         self.stages.iter().find(|stage| stage.name() == name).map(AsRef::as_ref)
     }

@@ -1,5 +1,5 @@
-//! High dynamic range from an ordinary camera: its exposure goes round a list of values, and every round
-//! becomes one frame of radiance, at the camera's rate divided by the number of values.
+//! High dynamic range from an ordinary camera: its exposure cycles through a list of values, and every cycle
+//! (a round) becomes one frame of radiance, at the camera's rate divided by the number of values.
 
 use super::live::{BadBuffer, Captured, LiveCamera, Mark};
 use crate::error::{Error, Place, Result};
@@ -19,7 +19,7 @@ pub trait ExposureControl: LiveCamera {
     fn set_exposure(&mut self, value: i64) -> Result<()>;
 }
 
-/// Which exposures a camera goes round.
+/// Which exposures a camera cycles through.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BracketOptions {
@@ -32,7 +32,8 @@ pub struct BracketOptions {
     /// microseconds.
     #[serde(default = "hundred_microseconds")]
     pub unit_s: f64,
-    /// From which frame after the one at whose arrival it is set a value holds: 1 is the next frame.
+    /// Number of frames from the one at whose arrival a value is set to the first one that is exposed with
+    /// it: 1 is the next frame.
     #[serde(default = "two_frames")]
     pub latency_frames: u32,
 }
@@ -45,12 +46,13 @@ fn hundred_microseconds() -> f64 {
     1e-4
 }
 
-/// Many cameras expose the next frame while one is sent, and set what they were told for the one after it.
+/// Many cameras expose the next frame while one is being sent, and apply a new setting to the frame after
+/// that.
 fn two_frames() -> u32 {
     2
 }
 
-/// Longest latency that a driver's queue makes.
+/// Longest latency that a driver's queue causes.
 const LATENCY_MAX: u32 = 16;
 
 /// Merges rounds of exposures into frames of radiance.
@@ -61,22 +63,22 @@ pub struct Bracket<C> {
     merge: ExposureMerge,
     raw: Frame,
     frame_ns: f64,
-    /// Smallest age of a frame so far: what the driver and the bus take.
+    /// Smallest age of a frame so far: the time that the driver and the bus take.
     least_age_ns: i64,
-    /// The frame before, by its driver's count, and its number here.
+    /// The previous frame: its driver's count, and its number here.
     last: Option<(u32, u32)>,
-    /// Time of the first frame of the round under way.
+    /// Capture time of the first frame of the current round.
     first_ns: i64,
     counters: [Counter; 2],
 }
 
 impl<C: ExposureControl> Bracket<C> {
-    /// Rounds of `camera`'s frames, `frame_rate_hz` of them a second (0: unknown), whose codes mean what
-    /// `response` says at an exposure of one second.
+    /// Merges rounds of `camera`'s frames, which come at `frame_rate_hz` (0: unknown). `response` maps their
+    /// codes to radiance at an exposure of one second.
     ///
     /// # Errors
     /// `Usage`: fewer than two values, equal ones, a unit that is not positive, a latency of 0 or more than
-    /// 16 frames, a response that says nothing of codes.
+    /// 16 frames, a response that does not map codes.
     pub fn new(
         camera: C,
         frame_rate_hz: f64,
@@ -92,7 +94,7 @@ impl<C: ExposureControl> Bracket<C> {
         let exposures_s: Vec<f64> = values.iter().map(|&value| value as f64 * unit_s).collect();
         Ok(Self {
             camera,
-            // At most 64 values: more are refused by the merge.
+            // There are at most 64 values: the merge refuses more.
             plan: Plan::new(values.len() as u32, *latency_frames),
             merge: ExposureMerge::new(response, &exposures_s, &SensorNoise::default())?,
             values: values.clone(),
@@ -114,7 +116,7 @@ impl<C: ExposureControl> Bracket<C> {
             Some((count, number)) => number.wrapping_add(mark.sequence.wrapping_sub(count).max(1)),
         };
         self.last = Some((mark.sequence, number));
-        // A frame that has waited in the queue was not the last one that was exposed.
+        // If a frame has waited in the queue, later ones have been exposed since.
         self.least_age_ns = self.least_age_ns.min(mark.age_ns);
         let late = (mark.age_ns.saturating_sub(self.least_age_ns) as f64 / self.frame_ns).round() as u32;
         let step = self.plan.arrive(number, late);
@@ -136,7 +138,7 @@ impl<C: ExposureControl> Bracket<C> {
             return Ok(Captured::Part);
         }
         let counts = self.merge.finish(frame)?;
-        // Saturated pixels are those of the frame's own limit, and counted where it becomes a map.
+        // Saturated pixels are not counted here but where the frame becomes a map, by the frame's own limit.
         for (counter, count) in self.counters.iter().zip([counts.black_clipped, counts.between]) {
             counter.add(count);
         }
@@ -169,33 +171,34 @@ impl<C: ExposureControl> LiveCamera for Bracket<C> {
     }
 }
 
-/// Which exposure every frame has. Frame s of a stream is to have exposure s modulo their count; what it has,
-/// the values that were set and their latency tell, also when frames are missing.
+/// Which exposure every frame has. Frame s of a stream should have exposure s modulo the number of exposures;
+/// the exposure that it actually has follows from the values that were set and their latency, also when
+/// frames are missing.
 #[derive(Debug)]
 struct Plan {
     count: u32,
     latency_frames: u32,
-    /// From which frame on which exposure holds, ascending.
+    /// The first frame of every setting and its exposure, ascending.
     settings: VecDeque<(u32, usize)>,
-    /// Frames of the round under way, which are the first of it.
+    /// Number of frames of the current round so far, which are its first ones.
     complete: usize,
     last: Option<u32>,
 }
 
-/// What a frame is for.
+/// How a frame is used.
 #[derive(Debug, PartialEq, Eq)]
 struct Step {
     /// The exposure to set now.
     next: usize,
-    /// The exposure of this frame, when it continues a round; 0 begins one.
+    /// The exposure of this frame if it continues a round; 0 begins a round.
     exposure: Option<usize>,
     round: u32,
-    /// Nothing more comes of this round.
+    /// The round ends with this frame.
     is_last: bool,
 }
 
 impl Step {
-    /// What came with a frame that continues no round: at a round's end, that it is not complete.
+    /// The outcome of a frame that does not continue a round: at a round's end, that the round is incomplete.
     fn otherwise(&self, of_round: Mark) -> Captured {
         if self.is_last { Captured::Bad(of_round, BadBuffer::Incomplete) } else { Captured::Part }
     }
@@ -214,10 +217,10 @@ impl Plan {
         self.complete = 0;
     }
 
-    /// A frame arrives, `late` frames after the one that was exposed when it could have.
+    /// Handles the arrival of a frame, which is `late` frames later than it could have arrived.
     fn arrive(&mut self, frame: u32, late: u32) -> Step {
         let wanted = (frame % self.count) as usize;
-        // All settings but the one that holds now and those to come are history.
+        // Only the setting that applies now and later ones are still needed.
         while self.settings.get(1).is_some_and(|&(from, _)| from <= frame) {
             self.settings.pop_front();
         }
@@ -226,7 +229,7 @@ impl Plan {
         self.last = Some(frame);
         let from = frame.saturating_add(late).saturating_add(self.latency_frames);
         let next = (from % self.count) as usize;
-        // What was to hold from then on has been overruled.
+        // Settings that were to apply from then on are superseded.
         while self.settings.back().is_some_and(|&(other, _)| other >= from) {
             self.settings.pop_back();
         }

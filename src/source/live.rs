@@ -1,15 +1,16 @@
-//! What a live camera is for the stage that runs it, and the numbers that its frames get.
+//! The interface of a live camera to the stage that runs it, and the numbering of its frames.
 
 use crate::error::Result;
 use lightcast_core::image::{Frame, Stamp};
 use std::time::Duration;
 
-/// A device that gives frames at its own pace and may be lost at any time.
+/// A device that delivers frames at its own pace and may be lost at any time.
 pub trait LiveCamera: Send {
     /// Opens the device and starts it, the first time or again after a loss.
     ///
     /// # Errors
-    /// `LostDevice`: not now, perhaps later. Any other kind: never as it is configured.
+    /// `LostDevice`: it cannot start now, but perhaps later. Any other kind: it can never start as
+    /// configured.
     fn start(&mut self) -> Result<()>;
 
     /// Waits at most `patience` for a frame and fills `frame`'s picture; the stamp is left alone.
@@ -18,7 +19,7 @@ pub trait LiveCamera: Send {
     /// `LostDevice`: it has to be started again.
     fn capture(&mut self, patience: Duration, frame: &mut Frame) -> Result<Captured>;
 
-    /// Lets go of the device.
+    /// Releases the device.
     fn stop(&mut self);
 }
 
@@ -36,16 +37,16 @@ impl<C: LiveCamera + ?Sized> LiveCamera for Box<C> {
     }
 }
 
-/// What came of waiting for a frame.
+/// The outcome of waiting for a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Captured {
     /// A frame.
     Frame(Mark),
     /// A frame that cannot be used, and why.
     Bad(Mark, BadBuffer),
-    /// A part of a frame to come.
+    /// A part of a frame that is not complete yet.
     Part,
-    /// None as yet.
+    /// No frame yet.
     Nothing,
 }
 
@@ -58,35 +59,35 @@ pub enum BadBuffer {
     Short,
     /// Its compressed picture cannot be decoded.
     Undecodable,
-    /// It was to be made of several exposures, of which some are missing or had not been set.
+    /// It consists of several exposures, some of which are missing or had not been set.
     Incomplete,
 }
 
-/// Where the kernel places a frame.
+/// Sequence count and times that the kernel gives a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark {
     /// The driver's count of frames since the start of the stream; wraps around.
     pub sequence: u32,
     /// Time of capture on the kernel's monotonic clock in nanoseconds.
     pub time_ns: i64,
-    /// How long ago that was when the frame was taken out of the driver's queue.
+    /// Age of the frame when it was taken out of the driver's queue.
     pub age_ns: i64,
 }
 
 /// Turns the driver's counts, which begin anew with every start and have 32 bits, into sequence numbers that
-/// never run back, with what was lost between two frames.
+/// never decrease, and reports how many frames were lost in between.
 ///
-/// Within one start the difference of the counts tells it. Over a restart the time tells how many frames the
-/// camera would have taken at its rate.
+/// Within one start the difference of the counts gives the loss. Across a restart it is estimated from the
+/// elapsed time and the camera's rate.
 #[derive(Clone, Debug)]
 pub struct Numbering {
     frame_rate_hz: f64,
     /// Mark and sequence number of the last frame that was used.
     last: Option<(Mark, u64)>,
-    /// The last count seen since the start, of a frame used or not.
+    /// The last count seen since the start, whether or not its frame was used.
     count: Option<u32>,
     /// Since the last used frame: whether the stream was started again, frames that came and were not used,
-    /// frames that the kernel counted and never gave.
+    /// frames that the kernel counted and never delivered.
     was_away: bool,
     unused: u64,
     dropped: u64,
@@ -94,33 +95,33 @@ pub struct Numbering {
     refused: u32,
 }
 
-/// After so many frames in a row that seem out of order, the driver has begun to count anew.
+/// Number of consecutive frames out of order after which the driver is taken to have restarted its count.
 const REFUSED_MAX: u32 = 8;
 
-/// What [`Numbering::number`] says about a frame.
+/// What [`Numbering::number`] returns for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Numbered {
-    /// Stamp of the frame; its `lost_before` includes all of the below and the frames that were not used.
+    /// Stamp of the frame; its `lost_before` includes the two counts below and the frames that were not used.
     pub stamp: Stamp,
-    /// Frames that the kernel counted and never gave.
+    /// Frames that the kernel counted and never delivered.
     pub dropped_by_kernel: u64,
     /// Frames that the camera would have taken while it was away.
     pub missed_while_away: u64,
 }
 
 impl Numbering {
-    /// For a camera of this rate; 0 if that is unknown: then nothing is said to be lost over a restart.
+    /// Numbering for a camera of this rate; 0 if it is unknown: no losses are then counted across a restart.
     pub fn new(frame_rate_hz: f64) -> Self {
         Self { frame_rate_hz, last: None, count: None, was_away: false, unused: 0, dropped: 0, refused: 0 }
     }
 
-    /// The stream was started again: its counts begin anew.
+    /// Notes that the stream was started again and its counts begin anew.
     pub fn restart(&mut self) {
         self.count = None;
         self.was_away = true;
     }
 
-    /// A frame came that cannot be used; several with one count are one.
+    /// Counts a frame that cannot be used; several with the same count are counted once.
     pub fn skip(&mut self, mark: Mark) {
         let is_counted = self.count == Some(mark.sequence);
         if self.advance(mark) && !is_counted {
@@ -128,10 +129,10 @@ impl Numbering {
         }
     }
 
-    /// Numbers a frame; `None` when it is older than one that came before it, whose `lost_before` has it
-    /// already.
+    /// Numbers a frame; `None` when it is older than an earlier arrival, whose `lost_before` already includes
+    /// it.
     ///
-    /// Drivers that do not count give the same number with every frame: these then count as neighbours.
+    /// Drivers that do not count give every frame the same number: their frames are taken as consecutive.
     pub fn number(&mut self, mark: Mark) -> Option<Numbered> {
         if !self.advance(mark) {
             return None;
@@ -173,12 +174,12 @@ impl Numbering {
         true
     }
 
-    /// Most frames that the camera can have taken since the last one that was used; `None` where rate or
-    /// times do not tell. A count that leaps says nothing.
+    /// Most frames that the camera can have taken since the last one that was used; `None` where the rate or
+    /// the times are not known. It bounds the loss when the driver's count jumps.
     fn frames_since_last(&self, mark: Mark) -> Option<u64> {
         let elapsed_ns = mark.time_ns.saturating_sub(self.last?.0.time_ns);
         let is_known = self.frame_rate_hz > 0.0 && elapsed_ns > 0;
-        // Half as many again: rates are nominal, and times jitter.
+        // Half as many again are allowed, because rates are nominal and times jitter.
         is_known.then(|| (1.5 * elapsed_ns as f64 * 1e-9 * self.frame_rate_hz).ceil() as u64 + 1)
     }
 }
@@ -202,7 +203,7 @@ mod tests {
     #[test]
     fn gaps_and_unused_frames_are_lost_before_the_next_one() {
         let mut numbering = Numbering::new(25.0);
-        // Whatever the driver begins with.
+        // The driver may begin with any count.
         assert_eq!(numbers(&mut numbering, mark(7, 0)), [0, 0, 0, 0]);
         assert_eq!(numbers(&mut numbering, mark(8, 40)), [1, 0, 0, 0]);
         assert_eq!(numbers(&mut numbering, mark(11, 160)), [4, 2, 2, 0]);
@@ -235,7 +236,7 @@ mod tests {
         for frame in 0..8 {
             assert_eq!(numbering.number(mark(frame, 40 * i64::from(frame + 1))), None);
         }
-        // The ninth: eight were not used, and the time says that they were there.
+        // The ninth is accepted: eight were not used, and the elapsed time accounts for them.
         assert_eq!(numbers(&mut numbering, mark(8, 360)), [9, 8, 0, 8]);
         assert_eq!(numbers(&mut numbering, mark(9, 400)), [10, 0, 0, 0]);
     }
@@ -273,7 +274,7 @@ mod tests {
         assert_eq!(numbers(&mut numbering, mark(0, 1000)), [25, 24, 0, 24]);
         assert_eq!(numbers(&mut numbering, mark(1, 1040)), [26, 0, 0, 0]);
         numbering.restart();
-        // The clock may have been set by nobody, but a driver may say anything.
+        // Nobody sets a monotonic clock, but a driver may report any time.
         assert_eq!(numbers(&mut numbering, mark(0, -5000)), [27, 0, 0, 0]);
         let mut unknown = Numbering::new(0.0);
         unknown.number(mark(0, 0)).unwrap();

@@ -1,8 +1,8 @@
-//! Where frames come from: recorded sequences of files ([`Sequence`]), calculated ones ([`synthetic`]) and
-//! live cameras ([`LiveCamera`], `v4l2`).
+//! Sources of frames: recorded sequences of files ([`Sequence`]), synthetic ones ([`synthetic`]) and live
+//! cameras ([`LiveCamera`], `v4l2`).
 //!
-//! A [`FrameSource`] delivers as fast as it is asked; a stage with a clock asks at the right time. A camera
-//! has its own pace; a stage waits for it, and starts it again when it was lost.
+//! A [`FrameSource`] delivers a frame whenever it is asked; a stage with a clock asks at the right time. A
+//! camera has its own pace; a stage waits for it and restarts it after a loss.
 
 mod bracket;
 mod live;
@@ -19,23 +19,23 @@ pub use sequence::{FrameFormat, Sequence, SequenceOptions};
 use crate::error::Result;
 use lightcast_core::image::Frame;
 
-/// What a source came back with.
+/// What a source returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
     /// A frame.
     Frame,
-    /// Nothing, now and from here on.
+    /// The end: there are no further frames.
     End,
 }
 
-/// Where frames come from.
+/// A source of frames.
 pub trait FrameSource: Send {
     /// Fills `frame`, whose buffers are reused, with the next picture and its stamp.
     ///
     /// # Errors
     ///
-    /// Of kind [`BadFrame`](crate::error::Kind::BadFrame): this frame is lost and the content of `frame`
-    /// means nothing; the next call goes on behind it and counts it in `lost_before`. Of any other kind:
-    /// there is no use in calling again.
+    /// Of kind [`BadFrame`](crate::error::Kind::BadFrame): this frame is lost and the content of `frame` is
+    /// meaningless; the next call continues after it and counts it in `lost_before`. Of any other kind:
+    /// calling again is useless.
     fn next(&mut self, frame: &mut Frame) -> Result<Next>;
 }

@@ -1,14 +1,14 @@
-//! Which files a path means, and their numbers.
+//! The files that a path denotes, and their numbers.
 //!
 //! | path | means |
 //! |---|---|
 //! | a file that exists | this one |
-//! | a folder | its pictures (`.exr`, `.hdr`, `.jpeg`, `.jpg`, `.pic`, `.png`), which must have one name but for the number |
+//! | a folder | its pictures (`.exr`, `.hdr`, `.jpeg`, `.jpg`, `.pic`, `.png`), whose names must be equal except for the number |
 //! | `name.####.exr` | the number with at least as many digits as there are `#` |
 //! | `name.%04d.exr`, `name.%d.exr` | the number as C prints it |
 //!
-//! In a folder the number is the digits directly before the extension, so that `map_1k.hdr` has none. Hidden
-//! files are left out.
+//! In a folder the number consists of the digits directly before the extension, so that `map_1k.hdr` has
+//! none. Hidden files are left out.
 
 use crate::error::{Error, Result};
 use std::fs;
@@ -20,12 +20,12 @@ const EXTENSIONS: [&str; 6] = ["exr", "hdr", "jpeg", "jpg", "pic", "png"];
 /// Names that an error lists before it says how many more there are.
 const LISTED_NAMES: usize = 8;
 
-/// The files that `path` means, ascending by number; never empty.
+/// The files that `path` denotes, ascending by number; never empty.
 ///
 /// # Errors
 ///
-/// Of kind [`Usage`](crate::error::Kind::Usage), naming the path: nothing is there, names do not belong
-/// together, two files have one number.
+/// Of kind [`Usage`](crate::error::Kind::Usage), naming the path: there are no files, names do not belong to
+/// one sequence, two files have the same number.
 pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
     let fault = |message: String| Error::usage(message).at(path);
     if path.is_file() {
@@ -65,7 +65,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
     Ok(files)
 }
 
-/// All names in a folder, sorted, hidden ones and those that are not Unicode left out.
+/// All names in a folder, sorted, without hidden ones and those that are not Unicode.
 fn names(folder: &Path) -> Result<Vec<String>> {
     let entries = fs::read_dir(folder)
         .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
@@ -95,7 +95,7 @@ fn in_folder(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
         return Ok(vec![(number, folder.join(first))]);
     }
 
-    // One name for every sequence and for every picture without a number.
+    // Every sequence, and every picture without a number, has one name.
     let family = |name: &str| match numbered(name) {
         Some((before, _, after)) => format!("{before}#{after}"),
         None => name.to_owned(),
@@ -131,7 +131,7 @@ fn numbered(name: &str) -> Option<(&str, u64, &str)> {
     Some((before, number, &name[stem.len()..]))
 }
 
-/// A name with a place for a number of at least `digits` digits.
+/// A name with a placeholder for a number of at least `digits` digits.
 struct Pattern<'a> {
     before: &'a str,
     digits: usize,
@@ -154,7 +154,7 @@ impl<'a> Pattern<'a> {
         Some(Self { before, digits, after })
     }
 
-    /// The number in `name`; filled up with zeros to `digits` digits, and with no more zeros than that.
+    /// The number in `name`, which must be padded with zeros to exactly `digits` digits if it has fewer.
     fn number(&self, name: &str) -> Option<u64> {
         let digits = name.strip_prefix(self.before)?.strip_suffix(self.after)?;
         let plain = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());

@@ -1,14 +1,14 @@
 //! Frames from numbered files.
 //!
 //! The number of a file is the time at which it was taken: file n of a sequence that begins with file n0 has
-//! the capture time (n - n0) / rate, whether or not the files between are there. Numbers that are missing,
-//! and files that cannot be used, are counted in `lost_before` of the next frame that can.
+//! the capture time (n - n0) / rate, whether or not the files in between exist. Missing numbers and unusable
+//! files are counted in `lost_before` of the next usable frame.
 //!
-//! Files of `lightcast record` say themselves when they were taken.
+//! Files of `lightcast record` hold their own capture times.
 //!
-//! Repeated, the sequence goes on counting: with n1 the last number, pass k gives file n the sequence number
-//! n + k (n1 - n0 + 1) and the capture time to match, so that the first frame follows the last at the usual
-//! distance and nothing ever runs backwards.
+//! When a sequence repeats, the count continues: with n1 the last number, pass k gives file n the sequence
+//! number n + k (n1 - n0 + 1) and the corresponding capture time, so that the first frame follows the last at
+//! the usual interval and nothing ever runs backwards.
 
 #[cfg(test)]
 mod tests;
@@ -24,14 +24,14 @@ use std::path::{Path, PathBuf};
 pub struct SequenceOptions {
     /// A pattern (`name.####.exr`, `name.%04d.exr`), a folder with one sequence, or one file.
     pub path: PathBuf,
-    /// Frames per second; goes before what the files say. Needed where they say nothing, except for one
-    /// picture that is not repeated.
+    /// Frames per second; overrides the rate in the files. It is required where they have none, except for a
+    /// single picture that is not repeated.
     pub frame_rate_hz: Option<f64>,
     /// Smallest file number to play.
     pub first: Option<u64>,
     /// Largest file number to play.
     pub last: Option<u64>,
-    /// Play it again and again.
+    /// Whether to play it in a loop.
     pub repeat: bool,
     /// Colours of the pixels of a mosaic sensor, whose codes were saved as grey pictures; `None`: as the
     /// files say.
@@ -53,7 +53,7 @@ pub struct FrameFormat {
     pub is_codes: bool,
     /// Where the pixel centres lie if the pictures are lat-long maps.
     pub latlong_centres: LatLongCentres,
-    /// Frames per second; 0 for one picture that says nothing.
+    /// Frames per second; 0 for a single picture without a rate.
     pub frame_rate_hz: f64,
 }
 
@@ -88,26 +88,26 @@ pub struct Sequence {
     /// Number and path, ascending by number, at least one.
     files: Vec<(u64, PathBuf)>,
     format: FrameFormat,
-    /// The file that says what the others must be like.
+    /// The file whose format all others must have.
     model: PathBuf,
     repeat: bool,
     bayer: Option<Bayer>,
-    /// Index of the next file and how often the list was played before.
+    /// Index of the next file, and number of complete passes before.
     index: usize,
     pass: u64,
     /// Sequence number that follows the last frame delivered.
     expected: u64,
-    /// Files since the last one that could be used.
+    /// Files since the last usable one.
     bad_in_a_row: usize,
 }
 
 impl Sequence {
-    /// Finds the files and reads until one of them can be used, which tells the format of all.
+    /// Finds the files and reads until one is usable, whose format all others must have.
     ///
     /// # Errors
     ///
     /// Of kind [`Usage`](crate::error::Kind::Usage): no file matches, or none lies between `first` and
-    /// `last`; the names are not one sequence; no frame rate is known, or it is not a positive number. Of
+    /// `last`; the names do not form one sequence; no frame rate is known, or it is not a positive number. Of
     /// kind [`Failed`](crate::error::Kind::Failed): none of the files can be used.
     pub fn open(options: &SequenceOptions) -> Result<Self> {
         let path = &options.path;
@@ -126,7 +126,7 @@ impl Sequence {
         let (model, attributes) = first_readable(options, &files, &mut frame)?;
         let rate = match options.frame_rate_hz.or(attributes.frame_rate_hz) {
             Some(rate) if rate.is_finite() && rate > 0.0 => rate,
-            // A recording of a camera without a rate: its files have their times.
+            // The recording of a camera without a rate: its files have capture times.
             Some(0.0) if options.frame_rate_hz.is_none() && attributes.capture_time_ns.is_some() => 0.0,
             Some(rate) => return Err(fault(format!("frame_rate_hz = {rate} must be a positive number"))),
             None if files.len() == 1 && !options.repeat => 0.0,
@@ -151,12 +151,12 @@ impl Sequence {
         })
     }
 
-    /// What every frame will be like.
+    /// The format of every frame.
     pub fn format(&self) -> FrameFormat {
         self.format
     }
 
-    /// Frames to come, readable or not; `None` when it repeats.
+    /// Remaining frames, readable or not; `None` when the sequence repeats.
     pub fn frame_count(&self) -> Option<u64> {
         (!self.repeat).then_some(self.files.len() as u64)
     }
@@ -236,7 +236,7 @@ impl FrameSource for Sequence {
             (self.index, self.pass) = (0, self.pass + 1);
         }
         if self.repeat && self.bad_in_a_row >= self.files.len() {
-            // Nothing would slow down a loop over files that are gone.
+            // Without this error, a loop over files that are gone would spin at full speed.
             return Err(Error::failed(format!(
                 "{}: none of its {} files can be used any more",
                 self.path.display(),
@@ -249,7 +249,7 @@ impl FrameSource for Sequence {
         let capture_time_ns = self.fill(path, frame)?.capture_time_ns;
         self.bad_in_a_row = 0;
 
-        // Wrapping would take a sequence of 2^64 frames.
+        // Overflow would require a sequence of 2^64 frames.
         let sequence = number.saturating_add(self.pass.saturating_mul(self.period()));
         let rate = self.format.frame_rate_hz;
         let time_ns = |steps: u64| if rate > 0.0 { (steps as f64 * 1e9 / rate).round() as i64 } else { 0 };

@@ -4,8 +4,8 @@ use crate::rt::{Counter, Metrics};
 use lightcast_core::camera::{FrameToPolar, PixelCounts, Response};
 use lightcast_core::image::{Frame, PolarMap};
 
-/// Turns a frame into a polar map: response and lens in one pass. Counts the pixels that carry no light or
-/// not all of it.
+/// Turns a frame into a polar map: response and lens in one pass. Counts the pixels that hold no radiance or
+/// too low a one.
 pub struct Calibrate {
     frame_to_polar: FrameToPolar,
     response: Response,
@@ -13,7 +13,7 @@ pub struct Calibrate {
 }
 
 impl Calibrate {
-    /// A frame's way into a map; the pixel counts go to named counters of `metrics`.
+    /// Converts frames by `frame_to_polar`; the pixel counts go to named counters of `metrics`.
     pub fn new(frame_to_polar: FrameToPolar, response: Response, metrics: &Metrics) -> Self {
         Self { frame_to_polar, response, counters: PixelCounters::new(metrics) }
     }
@@ -33,9 +33,9 @@ impl Stage for Calibrate {
     }
 }
 
-/// Pixels of one kind: the sum over the run, and the most in a frame that the log has named. A frame is named
-/// when it has twice as many, so that the first and the worst are known and a bad camera does not fill the
-/// log.
+/// Pixels of one kind: the sum over the run, and the largest count in a frame that was logged. A frame is
+/// logged when it has twice as many, so that the first and the worst are known and a bad camera does not fill
+/// the log.
 struct PixelCounter {
     kind: &'static str,
     sum: Counter,

@@ -8,18 +8,19 @@ use std::time::Duration;
 /// How patient the stage is with a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patience {
-    /// A camera that gives nothing for so long is started again.
+    /// A camera that gives nothing for this long is restarted.
     pub silence: Duration,
     /// Wait before the second attempt to start a lost camera; doubled with every further one.
     pub first_wait: Duration,
     /// Longest wait between two attempts.
     pub longest_wait: Duration,
-    /// A camera that gives frames so long after a start is well: the waits begin anew.
+    /// A camera that still gives frames this long after a start has recovered: the waits begin at the first
+    /// one again.
     pub recovery: Duration,
 }
 
 impl Patience {
-    /// For a camera of this rate (0: unknown): five frames' time without a frame, at least two seconds, which
+    /// For a camera of this rate (0: unknown): five frame times without a frame, at least two seconds, which
     /// a USB camera may need to begin.
     pub fn for_rate(frame_rate_hz: f64) -> Self {
         // Rates are above 1e-9 Hz; the time then has 158 years at most.
@@ -33,9 +34,9 @@ impl Patience {
     }
 }
 
-/// Takes frames from a camera as they come. A camera that is lost (unplugged, silent, refusing) is started
-/// again, as often as it takes, with growing waits that a shutdown interrupts; the next frame's stamp tells
-/// the gap.
+/// Takes frames from a camera as they come. A camera that is lost (unplugged, silent, refusing) is restarted,
+/// as often as necessary, with growing waits that a shutdown interrupts; the next frame's stamp gives the
+/// gap.
 ///
 /// ```text
 ///            start                  start succeeds
@@ -51,7 +52,8 @@ pub struct Capture<C> {
     clock: Clock,
     shutdown: Shutdown,
     state: State,
-    /// Attempts to start since the camera was well: the first comes at once, since most losses are hiccups.
+    /// Attempts to start since the camera last worked: the first comes immediately, since most losses are
+    /// short.
     attempts: BackOff,
     /// Time of the clock at the last start.
     started_ns: i64,
@@ -67,25 +69,25 @@ enum State {
     Streaming { last_activity_ns: i64 },
 }
 
-/// Frames that were lost, by who lost them. What slow readers lose is counted where they read.
+/// Frames that were lost, by cause. Losses of slow readers are counted where they read.
 struct Counters {
-    /// Counted by the kernel and never given to us.
+    /// Counted by the kernel and never delivered.
     dropped_by_kernel: Counter,
-    /// Given to us and not used: one for each of [`BAD`].
+    /// Delivered and not used: one for each of [`BAD`].
     bad: [Counter; 4],
     out_of_order: Counter,
     /// Not taken because the camera was away, by its rate.
     missed_while_away: Counter,
     /// Times that the camera had to be started again.
     restarts: Counter,
-    /// Attempts to start it, which show that somebody still tries.
+    /// Attempts to start it, which show that the stage still tries.
     attempts: Counter,
 }
 
 /// Name of the counter of attempts to start the camera.
 pub const ATTEMPTS: &str = "attempts to start the camera";
 
-/// Longest time in one wait for the camera: a request to end is seen between two waits.
+/// Longest time in one wait for the camera: a shutdown request is noticed between two waits.
 const GLANCE: Duration = Duration::from_millis(50);
 
 impl<C: LiveCamera> Capture<C> {
@@ -137,7 +139,7 @@ impl<C: LiveCamera> Capture<C> {
 
     fn lose(&mut self, error: &Error) {
         self.counters.restarts.add(1);
-        // As for attempts: a camera that dies again and again does not fill the log.
+        // As with attempts, a camera that fails again and again does not fill the log.
         if self.attempts.attempts() == 0 || self.attempts.is_worth_telling() {
             tracing::warn!("{error}; starting it again");
         }
@@ -146,7 +148,7 @@ impl<C: LiveCamera> Capture<C> {
         self.state = State::Away;
     }
 
-    /// Waits once for the camera; whether `frame` has the next frame.
+    /// Waits once for the camera; returns whether `frame` has the next frame.
     fn glance(&mut self, last_activity_ns: i64, frame: &mut Frame) -> Result<bool> {
         let captured = match self.camera.capture(GLANCE, frame) {
             Ok(captured) => captured,
@@ -233,7 +235,7 @@ impl Counters {
     }
 }
 
-/// What the counters of frames that were given to us and not used are called.
+/// Names of the counters of frames that were delivered and not used.
 const BAD: [(BadBuffer, &str); 4] = [
     (BadBuffer::Faulty, "faulty frames"),
     (BadBuffer::Short, "short frames"),

@@ -1,4 +1,4 @@
-//! One thin file per stage: each runs one algorithm of the floors below under
+//! One thin file per stage: each runs one algorithm of the layers below under
 //! [`rt::stage::run`](crate::rt::stage).
 
 mod calibrate;
@@ -84,8 +84,8 @@ impl Copied for LightList {
         self.copy_from(other);
     }
 
-    /// That of the frame whose lights it describes, which the filter delays; `None`, or a number before that
-    /// of the first frame, while the filter fills up.
+    /// The number of the frame whose lights it describes, which the filter delays; `None`, or a number before
+    /// that of the first frame, while the filter fills up.
     fn sequence(&self) -> Option<u64> {
         self.stamp.sequence.checked_sub(u64::from(self.filter_delay_frames))
     }
@@ -111,7 +111,7 @@ impl Copied for ReferencedList {
     }
 }
 
-/// What most ends want.
+/// The part that most ends need.
 impl PartOf<ReferencedList> for LightList {
     fn copy_part_of(&mut self, whole: &ReferencedList) {
         self.copy_from(&whole.list);

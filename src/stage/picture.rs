@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// Draws maps with the filtered lights that belong to them.
 pub struct Picture {
     maps: Receiver<PolarMap>,
-    /// The map that waits for its list, or had it last.
+    /// The map that waits for its list, or was drawn last.
     map: Option<PolarMap>,
     is_drawn: bool,
     folder: PathBuf,

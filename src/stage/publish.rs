@@ -4,13 +4,14 @@ use crate::wire::write_list_line;
 use lightcast_core::light::LightList;
 use std::io::{ErrorKind, Write};
 
-/// Writes every list as one line of JSON and flushes, so that a reader has each list whole and at once. A
-/// reader that has gone (broken pipe) ends the stage without an error.
+/// Writes every list as one line of JSON and flushes, so that a reader gets each list complete and
+/// immediately. A reader that has gone (broken pipe) ends the stage without an error.
 pub struct Publish<W> {
     writer: W,
     /// Where the lines go, for messages.
     name: String,
-    /// The line under way: one `write` per list, and a list is never written in part because of its contents.
+    /// The current line: there is one `write` per list, and the contents of a list never cause it to be
+    /// written in part.
     line: Vec<u8>,
 }
 

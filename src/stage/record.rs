@@ -8,7 +8,7 @@ use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What is known of a recording beside its frames; part of the file `recording.json` beside them.
+/// The description of a recording; part of the file `recording.json` beside its frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Recording {
     /// Version of the file.
@@ -19,7 +19,7 @@ pub struct Recording {
     pub exposure_s: Option<f64>,
     /// The calibration, as in a calibration file, where there is one.
     pub calibration: Option<serde_json::Value>,
-    /// What to add to a capture time to get nanoseconds since 1970 (UTC), at the start of the recording.
+    /// The offset from a capture time to nanoseconds since 1970 (UTC), at the start of the recording.
     pub utc_from_capture_ns: Option<i64>,
 }
 
@@ -41,8 +41,8 @@ struct Sidecar {
     /// Frames between the first and the last that are not in the recording: lost by the camera, or by a slow
     /// disk.
     frames_missing: u64,
-    /// Whether the recording was ended in order; false while it runs, and for good when its program was
-    /// killed. A disk without any room for this file leaves the counts of its first frame.
+    /// Whether the recording ended properly; false while it runs, and for ever if its program was killed. If
+    /// the disk has no room left for this file, it keeps the counts of the first frame.
     is_complete: bool,
 }
 
@@ -64,13 +64,13 @@ impl Sidecar {
     }
 }
 
-/// Writes every frame into a file of its own, `frame.NNNNNN.exr` with the frame's sequence number, and what
-/// is known of all of them into `recording.json`. Everything before a failure, such as a full disk, is whole.
+/// Writes every frame into a file of its own, `frame.NNNNNN.exr` with the frame's sequence number, and their
+/// common description into `recording.json`. Everything before a failure, such as a full disk, is complete.
 pub struct Record {
     folder: PathBuf,
     sidecar: Sidecar,
     lens: Option<String>,
-    /// Radiance by code, to write radiance, and a frame for it; `None`: as it comes.
+    /// Radiance by code, to write radiance, and a frame for it; `None`: frames are written as they come.
     radiance: Option<(Vec<f32>, Frame)>,
     /// Frames after which the recording ends.
     frames_max: u64,
@@ -80,7 +80,7 @@ pub struct Record {
 /// Name of the file beside the frames.
 pub const SIDECAR: &str = "recording.json";
 
-/// Largest half float, and half of the smallest one: what is below becomes 0.
+/// Largest half float, and half of the smallest one, below which values become 0.
 const HALF_MAX: f32 = 65_504.0;
 const HALF_MIN: f32 = 2.980_232_2e-8;
 
@@ -143,7 +143,7 @@ impl Stage for Record {
     type Output = ();
 
     fn step(&mut self, frame: &Frame, (): &mut ()) -> Result<Flow> {
-        // The last frame counts as one that was worked off; the one behind it ends the stage.
+        // The last frame counts as processed; the one after it ends the stage.
         if self.sidecar.frames_written == self.frames_max {
             return Ok(Flow::End);
         }
@@ -171,8 +171,8 @@ impl Stage for Record {
     }
 }
 
-/// Radiance of a frame, by `table` where it has codes, cut at the largest half float; returns how many pixels
-/// have no half float of their size. What is no number stays so.
+/// Radiance of a frame, by `table` where it has codes, clamped to the largest half float; returns how many
+/// pixels are outside the range of half floats. NaN stays NaN.
 pub fn radiance_within_half(frame: &Frame, table: &[f32], to: &mut Frame) -> u64 {
     let Frame { stamp, width, height, channels, bayer, .. } = *frame;
     let mut values = match std::mem::replace(&mut to.pixels, Pixels::Radiance(Vec::new())) {

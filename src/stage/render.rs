@@ -9,7 +9,7 @@ use lightcast_core::image::{Frame, Pixels};
 use lightcast_core::light::LightList;
 use std::path::{Path, PathBuf};
 
-/// Renders lists into picture files that are numbered as the lists.
+/// Renders lists into picture files with the numbers of the lists.
 pub struct Render {
     renderer: Renderer,
     camera: Camera,
@@ -52,8 +52,8 @@ impl Stage for Render {
     type Input = LightList;
     type Output = ();
 
-    /// The scene moves with the capture time of the lists, not with the time that passes. Lists from before
-    /// the first frame, with which a filter begins, count only where every list does.
+    /// The scene moves with the capture time of the lists, not with real time. Lists from before the first
+    /// frame, with which a filter begins, are drawn only where every list is.
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
         let first = *self.first.get_or_insert(list.stamp.sequence);
         if !self.every.is_due(list.sequence().filter(|&sequence| sequence >= first)) {
@@ -76,7 +76,7 @@ impl PictureWriter {
     /// Writes the picture drawn last: OpenEXR holds the radiance, black where nothing is seen; PNG the
     /// tone-mapped picture, its exposure adapted over `elapsed_s` since the last one. With a transparent
     /// background both have alpha: OpenEXR's colours are multiplied by it, those of PNG are not, as these
-    /// formats say.
+    /// formats specify.
     ///
     /// # Errors
     /// Those of the device; when the file cannot be written.

@@ -15,7 +15,7 @@ pub struct Source<S> {
 }
 
 impl<S: source::FrameSource> Source<S> {
-    /// Frames of `source`, paced by `clock`; `epoch` learns when that is, where time is real.
+    /// Frames of `source`, paced by `clock`; `epoch` is set when that is known, under a real clock.
     pub fn new(source: S, clock: &Clock, epoch: CaptureEpoch) -> Self {
         Self { source, clock: clock.clone(), start_ns: None, epoch }
     }
@@ -26,7 +26,7 @@ impl<S: source::FrameSource> Stage for Source<S> {
     type Output = Frame;
 
     fn step(&mut self, _: &Tick, frame: &mut Frame) -> Result<Flow> {
-        // The source itself tells in `lost_before` what it could not read.
+        // The source itself counts frames that it could not read in `lost_before`.
         if self.source.next(frame)? == Next::End {
             return Ok(Flow::End);
         }

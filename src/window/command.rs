@@ -1,6 +1,6 @@
 use winit::keyboard::{Key, NamedKey};
 
-/// What a key asks for.
+/// A command given by a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Command {
     Freeze,
@@ -14,7 +14,7 @@ pub(super) enum Command {
     Close,
 }
 
-/// What the window listens to, for people.
+/// The keys and mouse actions of the window, as help text.
 pub const KEYS: &str = "\
 drag left      turn round the scene
 drag right     move sideways, as Shift and drag left do
@@ -30,7 +30,7 @@ q, Escape      close
 ";
 
 impl Command {
-    /// The command of a key; large and small letters mean the same.
+    /// The command of a key; upper and lower case are equivalent.
     pub fn of(key: &Key) -> Option<Self> {
         match key {
             Key::Named(NamedKey::Space) => Some(Self::Freeze),
@@ -41,7 +41,7 @@ impl Command {
                 "i" => Some(Self::Inset),
                 "t" => Some(Self::Timings),
                 "r" => Some(Self::Reset),
-                // The key of + is that of = on many keyboards.
+                // On many keyboards + and = are on the same key.
                 "+" | "=" => Some(Self::MoreLights),
                 "-" => Some(Self::FewerLights),
                 "s" => Some(Self::Save),

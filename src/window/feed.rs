@@ -5,16 +5,16 @@ use lightcast_core::light::{Light, LightList};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Where the lights come from.
+/// The source of the lights.
 pub enum LightSource {
-    /// Lights that stand still.
+    /// Static lights.
     Still(Vec<Light>),
     /// Lists that arrive through a `latest` link.
     Live {
         /// The lists.
         lists: Receiver<LightList>,
-        /// The maps that lights are made of, where they are known, through a `latest` link too. The filter
-        /// delays lights, so that the newest map is a few frames ahead of the newest list.
+        /// The maps from which the lights are made, where they are known, also through a `latest` link. The
+        /// filter delays lights, so the newest map is a few frames ahead of the newest list.
         maps: Option<Receiver<PolarMap>>,
         /// Counts the lists that are shown and those that are skipped.
         metrics: Arc<Metrics>,
@@ -43,7 +43,7 @@ impl Feed {
         Self { lists, maps, metrics, list, arrived: None }
     }
 
-    /// Takes the list that waits, if there is one; returns whether there was.
+    /// Takes the waiting list, if there is one; returns whether there was.
     pub fn poll(&mut self, now: Instant) -> bool {
         let (Some(lists), Some(metrics)) = (&mut self.lists, &self.metrics) else { return false };
         let has_ended = match lists.try_receive() {
@@ -58,13 +58,13 @@ impl Feed {
             Err(_) => true,
         };
         if has_ended {
-            // The list taken last stays.
+            // The list taken last is kept.
             self.lists = None;
         }
         false
     }
 
-    /// Hands the map that waits, if there is one, to `show`.
+    /// Passes the waiting map, if there is one, to `show`.
     pub fn poll_map(&mut self, show: impl FnOnce(&PolarMap)) {
         if let Some(maps) = &mut self.maps
             && let Ok(Some(map)) = maps.try_receive()
@@ -73,27 +73,27 @@ impl Feed {
         }
     }
 
-    /// What is shown.
+    /// The list that is shown.
     pub fn list(&self) -> &LightList {
         &self.list
     }
 
-    /// Whether lists come, or came, from somewhere.
+    /// Whether lists arrive, or arrived, over a link.
     pub fn is_live(&self) -> bool {
         self.metrics.is_some()
     }
 
-    /// Whether there are lights to show: always, or since the first list.
+    /// Whether there are lights to show: always for static lights, otherwise from the first list on.
     pub fn is_ready(&self) -> bool {
         !self.is_live() || self.arrived.is_some()
     }
 
-    /// Whether all lists that came have been taken and no other will come.
+    /// Whether all lists have been taken and no more will arrive.
     pub fn has_ended(&self) -> bool {
         self.is_live() && self.lists.is_none()
     }
 
-    /// Counts the time that the frame of a new list took.
+    /// Records the time that the frame of a new list took.
     pub fn record(&self, time: Duration) {
         if let Some(metrics) = &self.metrics {
             metrics.time_ns.record(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));

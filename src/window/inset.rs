@@ -7,7 +7,7 @@ const SHADER: &str = include_str!("../../shaders/inset.wgsl");
 
 /// Distance from the window's edges in pixels.
 const MARGIN_PX: u32 = 8;
-/// Part of the window's width that the inset is wide, and of its height for a round map.
+/// Width of the inset as a fraction of the window's width, and of its height for a round map.
 const PART: f64 = 0.3;
 
 /// A small picture of the map with its lights in the lower left corner.
@@ -27,7 +27,7 @@ struct Shown {
 }
 
 impl Inset {
-    /// Shows lights on `map`, joined to at most `most_lights`, on targets of `format`.
+    /// Shows lights on `map`, merged into at most `most_lights`, on targets of `format`.
     pub fn new(gpu: &Gpu, map: PolarMap, most_lights: usize, format: wgpu::TextureFormat) -> Self {
         let pipeline = gpu.screen_pipeline("inset", SHADER, format);
         Self {
@@ -41,14 +41,14 @@ impl Inset {
         }
     }
 
-    /// Makes the picture anew in the size that suits a window of this size at the next [`Self::update`].
+    /// Redraws the picture at the next [`Self::update`], in a size that suits a window of this size.
     pub fn resize(&mut self, window_px: [u32; 2]) {
         let width = width_px(window_px, self.map.shape.theta_max_rad());
         self.background = (width > 0).then(|| MapBackground::new(&self.map, width as usize));
         self.shown = None;
     }
 
-    /// Shows another map from the next [`Self::update`] on. Its shape must be that of the map before.
+    /// Shows another map from the next [`Self::update`] on. Its shape must be that of the previous map.
     pub fn set_map(&mut self, map: &PolarMap) {
         self.map.pixels.clone_from(&map.pixels);
         if let Some(background) = &mut self.background {
@@ -101,7 +101,7 @@ impl Inset {
         );
     }
 
-    /// Draws it over what `target` holds, a window of this size.
+    /// Draws it over the contents of `target`, a window of this size.
     pub fn draw(&self, gpu: &Gpu, target: &wgpu::TextureView, window_px: [u32; 2]) {
         let Some(shown) = &self.shown else { return };
         let (width, height) = (shown.texture.width(), shown.texture.height());
@@ -130,7 +130,7 @@ impl Inset {
     }
 }
 
-/// Width of the inset in a window of this size; 0 where it has no room.
+/// Width of the inset in a window of this size; 0 where it does not fit.
 fn width_px([width, height]: [u32; 2], theta_max_rad: f64) -> u32 {
     let is_round = theta_max_rad <= std::f64::consts::FRAC_PI_2 + 1e-9;
     let part = if is_round { PART * f64::from(width.min(height)) } else { PART * f64::from(width) };

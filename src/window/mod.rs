@@ -1,9 +1,9 @@
-//! A window that shows a scene under lights that stand still or arrive: orbit camera, keys, an inset with the
-//! map and its lights, timings in the title.
+//! A window that shows a scene under static lights or live lists: orbit camera, keys, an inset with the map
+//! and its lights, timings in the title.
 //!
-//! One thread, which must be the main one, has the window and the device. It never waits for lists: it draws
-//! the newest one there is, and the link says how many were skipped. While nothing that is seen changes,
-//! every frame adds a sample to the picture, and in the end nothing is drawn.
+//! One thread, which must be the main one, owns the window and the device. It never waits for lists: it draws
+//! the newest one, and the link counts how many were skipped. While nothing visible changes, every frame adds
+//! a sample to the picture, until it has enough samples and nothing more is drawn.
 
 mod command;
 mod feed;
@@ -33,24 +33,24 @@ use winit::event::{ElementState, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::WindowId;
 
-/// What is shown, and how.
+/// What the window shows, and how.
 pub struct Settings {
-    /// What the title calls it.
+    /// Name of the scene in the title.
     pub name: String,
     /// Graphics interface.
     pub backend: Backend,
-    /// Size of the window in the beginning, and what the renderer reserves.
+    /// Initial size of the window, and what the renderer reserves.
     pub options: Options,
-    /// Samples of a pixel while something moves.
+    /// Samples per pixel while something moves.
     pub samples: u32,
-    /// Where lights and shadow maps follow the frame time; `None`: they are what `options` say.
+    /// How lights and shadow maps adapt to the frame time; `None`: they are fixed by `options`.
     pub budget: Option<BudgetOptions>,
-    /// Time of the scene's animation in the beginning. It goes on with real time under lights that stand
-    /// still, with the capture times of lists that arrive.
+    /// Initial time of the scene's animation. It advances with real time under static lights, and with the
+    /// capture times of live lists.
     pub time_s: f64,
-    /// How the picture looks.
+    /// Background, exposure and tone mapping.
     pub look: Look,
-    /// What the inset shows the lights on.
+    /// The map on which the inset shows the lights.
     pub map: PolarMap,
 }
 
@@ -60,7 +60,7 @@ pub type FirstCamera<'a> = Box<dyn FnOnce(&Renderer) -> Result<Camera> + 'a>;
 /// A connection to the display. A process can have one.
 pub struct Display(EventLoop<()>);
 
-/// Time between two looks for a list or a request to end while nothing is drawn.
+/// Interval at which lists and requests to end are polled while nothing is drawn.
 const WATCH: Duration = Duration::from_millis(10);
 
 impl Display {
@@ -70,7 +70,7 @@ impl Display {
     /// Kind `Usage` where there is none.
     pub fn open() -> Result<Self> {
         let none = "there is no display to open a window on; give --output to draw into files";
-        // Looked at first: winit would say no more.
+        // This is checked first, because winit's error would not say which variable is missing.
         let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
         if cfg!(target_os = "linux") && !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY") {
             return Err(Error::usage(format!("{none} (DISPLAY is not set)")));
@@ -105,9 +105,9 @@ struct Start<'a> {
     camera: FirstCamera<'a>,
 }
 
-/// What the display calls.
+/// The handler of the display's events.
 struct App<'a> {
-    /// Until there is a view.
+    /// `Some` until the window is open.
     start: Option<Start<'a>>,
     view: Option<OpenWindow>,
     outcome: Result<()>,
@@ -150,7 +150,7 @@ impl ApplicationHandler for App<'_> {
                         event_loop.exit();
                         Ok(())
                     }
-                    // A key that is held would freeze and go on many times a second.
+                    // A held key would toggle freezing many times a second.
                     Some(command) if !event.repeat => view.obey(command),
                     _ => Ok(()),
                 }
@@ -176,7 +176,7 @@ impl ApplicationHandler for App<'_> {
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
-        // The surface must go before the display does.
+        // The surface must be dropped before the display.
         self.view = None;
     }
 }

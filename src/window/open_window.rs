@@ -23,20 +23,20 @@ use winit::event::WindowEvent;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::Window;
 
-/// Samples of a pixel in a picture that stands still.
+/// Most samples per pixel in a static picture.
 const MOST_SAMPLES: u32 = 64;
-/// Time after a change for which the exposure may still move: five of its time constants.
+/// Time after a change during which the exposure may still adapt: five of its time constants.
 const SETTLING: Duration = Duration::from_secs(2);
-/// Time without a change after which a picture counts as standing still: longer than between two lists.
+/// Time without a change after which a picture counts as static: longer than the interval between two lists.
 const STILL: Duration = Duration::from_millis(500);
-/// Time between two titles, so that they can be read.
+/// Interval between updates of the title, so that it can be read.
 const TITLE_EVERY: Duration = Duration::from_millis(250);
-/// Time until the next try where the window could not be drawn on.
+/// Time until the next attempt where the window could not be drawn on.
 const REST: Duration = Duration::from_millis(50);
 
-/// The open window and all that is shown in it.
+/// The open window and everything shown in it.
 pub(super) struct OpenWindow {
-    // Declared first: the surface goes before the device and the window.
+    // Declared first, so that the surface is dropped before the device and the window.
     screen: Screen,
     renderer: Renderer,
     window: Arc<Window>,
@@ -48,28 +48,28 @@ pub(super) struct OpenWindow {
     name: String,
     samples: u32,
     budget: Option<Budget>,
-    /// What the keys leave of what was reserved: the quality of a picture that stands still.
+    /// Quality of a static picture: what was reserved, as reduced by the keys.
     most: Quality,
-    /// Of the picture drawn last, and whether the budget has made that less than the most.
+    /// Quality of the picture drawn last, and whether the budget has reduced it below `most`.
     quality: Quality,
     is_reduced: bool,
-    /// What of the list the budget leaves.
+    /// The part of the list that the budget allows.
     shortened: Vec<Light>,
     prefixes: Prefixes,
     refinement: Refinement,
     frame_times: FrameTimes,
     writer: PictureWriter,
     pointer: Pointer,
-    /// Of the scene's animation.
+    /// Time of the scene's animation.
     time_s: f64,
     is_frozen: bool,
     shows_inset: bool,
-    /// Whether the inset shows other lights than the picture.
+    /// Whether the inset shows different lights than the picture.
     is_inset_old: bool,
     shows_timings: bool,
     has_new_list: bool,
     has_moved: bool,
-    /// Whether what the screen shows is out of date although the picture is not.
+    /// Whether the screen is out of date although the picture is not.
     is_stale: bool,
     opened: Instant,
     has_drawn: bool,
@@ -147,7 +147,7 @@ impl OpenWindow {
         Ok(view)
     }
 
-    /// Follows the size of the window. Nothing is drawn on one without pixels.
+    /// Adapts to the size of the window. Nothing is drawn on a window without pixels.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         let had = std::mem::replace(&mut self.size, size);
         if size == had || size.contains(&0) {
@@ -163,7 +163,7 @@ impl OpenWindow {
         self.renderer.gpu().check()
     }
 
-    /// Does what a key asks for, but for closing.
+    /// Executes the command of a key, except closing.
     pub fn obey(&mut self, command: Command) -> Result<()> {
         match command {
             Command::Freeze => self.is_frozen = !self.is_frozen,
@@ -183,7 +183,8 @@ impl OpenWindow {
                 self.has_moved = true;
             }
             Command::Save => self.save()?,
-            // Where messages go, and as they are: a log would put its marks before every line.
+            // The help is written directly to standard error, like messages: a logger would prefix every
+            // line.
             Command::Help => eprint!("{KEYS}"),
             Command::Close => {}
         }
@@ -192,14 +193,15 @@ impl OpenWindow {
         Ok(())
     }
 
-    /// Follows the pointer: drags and the wheel.
+    /// Handles the pointer: drags and the wheel.
     pub fn point(&mut self, event: &WindowEvent) {
         self.has_moved |= self.pointer.follow(event, &mut self.orbit, self.size[1]);
     }
 
-    /// Takes a list that waits, and asks for a frame if there is something to draw.
+    /// Takes a waiting list, and requests a frame if there is something to draw.
     pub fn watch(&mut self, now: Instant) {
-        // One that is taken is drawn; the next waits in the link, where a newer one may overwrite it.
+        // A list that has been taken is always drawn; the next waits in the link, where a newer one may
+        // overwrite it.
         if !self.is_frozen && !self.has_new_list {
             self.has_new_list = self.feed.poll(now);
         }
@@ -224,12 +226,12 @@ impl OpenWindow {
         self.has_new_list || self.has_moved || self.plays()
     }
 
-    /// Whether the scene moves by itself; under lists that arrive it moves with them.
+    /// Whether the scene is animated in real time; under live lists it moves with them.
     fn plays(&self) -> bool {
         self.renderer.scene().is_animated() && !self.feed.is_live() && !self.is_frozen
     }
 
-    /// A frame.
+    /// Draws a frame.
     pub fn draw(&mut self, now: Instant) -> Result<()> {
         if !self.can_draw() {
             return Ok(());
@@ -239,7 +241,7 @@ impl OpenWindow {
             self.is_stale = true;
             return Ok(());
         };
-        // Waiting for the screen is no work.
+        // The time spent waiting for the screen does not count as work.
         let start = Instant::now();
         let elapsed = start.duration_since(self.last_frame);
         self.last_frame = start;
@@ -254,7 +256,7 @@ impl OpenWindow {
             self.feed.poll_map(|map| self.inset.set_map(map));
             self.inset.update(self.renderer.gpu(), &self.feed.list().lights);
         }
-        // What the budget has taken from a picture that moved comes back when it stands still.
+        // Quality that the budget took from a moving picture is restored when it is static.
         let improves = self.is_reduced && !has_changed && start.duration_since(self.changed) >= STILL;
         let work = self.refinement.step(has_changed || improves);
         let camera = self.orbit.camera();
@@ -288,7 +290,7 @@ impl OpenWindow {
         if self.shows_inset {
             self.inset.draw(gpu, &target, self.size);
         }
-        // So the time is that of the work, and no frames queue up between a hand that drags and what it sees.
+        // This makes the time that of the work, and prevents queued frames from adding latency to dragging.
         gpu.wait()?;
         let time = start.elapsed();
         if work == Work::Draw && !improves && self.has_drawn {
@@ -319,7 +321,7 @@ impl OpenWindow {
         }
     }
 
-    /// What the title says now.
+    /// The current title.
     fn title(&self, now: Instant) -> Title<'_> {
         let quality = self.quality;
         let timings = Timings {
@@ -354,7 +356,8 @@ impl OpenWindow {
         Ok(())
     }
 
-    /// Without the inset. A folder that cannot be written to is no reason to close the window.
+    /// Saves the picture without the inset. A folder that cannot be written to is no reason to close the
+    /// window.
     fn save(&mut self) -> Result<()> {
         if !self.has_drawn {
             return Ok(());

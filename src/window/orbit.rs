@@ -2,22 +2,22 @@ use crate::scene::Camera;
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Nearest that the eye comes to straight above or below the target: there the picture would have no upright,
-/// and [`Camera::view_from_world`] takes another from 1e-3 on.
+/// Smallest angle of the eye from straight above or below the target: there the up vector is degenerate, and
+/// [`Camera::view_from_world`] chooses another one below 1e-3.
 const POLE_GAP_RAD: f64 = 1e-2;
-/// Part of the distance that is left after one notch of the wheel.
+/// Factor on the distance for one notch of the wheel.
 const NOTCH: f64 = 0.9;
-/// Most by which the distance grows or shrinks from that of the first camera.
+/// Largest factor by which the distance grows or shrinks from that of the first camera.
 const ZOOM_RANGE: f64 = 1e3;
-/// Part of the distance at which the near plane lies. Reversed depth loses nothing by a near plane so close,
-/// and a camera that is moved freely cuts nothing.
+/// Distance of the near plane as a fraction of the distance to the target. With reversed depth such a close
+/// near plane costs no precision, and a camera that is moved freely clips nothing.
 const NEAR: f64 = 1e-3;
 
-/// A camera that goes round a point and looks at it, upright.
+/// A camera that orbits a point and looks at it, upright.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Orbit {
     target: DVec3,
-    /// Of the eye as seen from the target: from +Z towards +X, and from the horizon up.
+    /// Angles of the eye as seen from the target: azimuth from +Z towards +X, elevation from the horizon up.
     azimuth_rad: f64,
     elevation_rad: f64,
     distance: f64,
@@ -26,7 +26,7 @@ pub(super) struct Orbit {
 }
 
 impl Orbit {
-    /// Starts where `camera` is, turned upright.
+    /// Starts at the position of `camera`, turned upright.
     pub fn new(camera: &Camera) -> Self {
         let target = camera.target.as_dvec3();
         let offset = camera.eye.as_dvec3() - target;
@@ -41,7 +41,7 @@ impl Orbit {
         }
     }
 
-    /// Where it is now.
+    /// The current camera.
     pub fn camera(&self) -> Camera {
         Camera {
             eye: (self.target + self.distance * self.back()).as_vec3(),
@@ -52,15 +52,15 @@ impl Orbit {
         }
     }
 
-    /// Follows a drag to the right and down by `[right, down]` pixels in a window `height_px` high: the scene
-    /// turns with the hand, half a turn over the height of the window.
+    /// Handles a drag to the right and down by `[right, down]` pixels in a window `height_px` high: the scene
+    /// turns with the pointer, half a turn over the height of the window.
     pub fn turn(&mut self, [right_px, down_px]: [f64; 2], height_px: u32) {
         let rad_per_px = PI / f64::from(height_px.max(1));
         self.azimuth_rad = (self.azimuth_rad - right_px * rad_per_px).rem_euclid(2.0 * PI);
         self.elevation_rad = clamped(self.elevation_rad + down_px * rad_per_px);
     }
 
-    /// Follows a drag as [`Self::turn`] does: what lies as far away as the target moves with the hand.
+    /// Handles a drag as [`Self::turn`] does: points at the target's distance move with the pointer.
     pub fn pan(&mut self, [right_px, down_px]: [f64; 2], height_px: u32) {
         let per_px = 2.0 * self.distance * (0.5 * self.vertical_fov_rad).tan() / f64::from(height_px.max(1));
         let right = DVec3::new(self.azimuth_rad.cos(), 0.0, -self.azimuth_rad.sin());
@@ -68,7 +68,7 @@ impl Orbit {
         self.target += (up * down_px - right * right_px) * per_px;
     }
 
-    /// Goes nearer by `notches` of the wheel, or away if they are negative.
+    /// Moves closer by `notches` of the wheel, or away if they are negative.
     pub fn zoom(&mut self, notches: f64) {
         let range = self.first_distance / ZOOM_RANGE..=self.first_distance * ZOOM_RANGE;
         self.distance = (self.distance * NOTCH.powf(notches)).clamp(*range.start(), *range.end());

@@ -1,10 +1,10 @@
 use super::orbit::Orbit;
 use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 
-/// Pixels that a touch pad moves for one notch of a wheel.
+/// Pixels of touch-pad scrolling that equal one notch of a wheel.
 const PX_PER_NOTCH: f64 = 40.0;
 
-/// The hand on the mouse.
+/// State of the pointer.
 #[derive(Debug, Default)]
 pub(super) struct Pointer {
     held: Option<MouseButton>,
@@ -13,7 +13,7 @@ pub(super) struct Pointer {
 }
 
 impl Pointer {
-    /// Moves `orbit`, in a window `height_px` high, as a drag or the wheel says; returns whether it has.
+    /// Moves `orbit` according to a drag or the wheel in a window `height_px` high; returns whether it moved.
     pub fn follow(&mut self, event: &WindowEvent, orbit: &mut Orbit, height_px: u32) -> bool {
         match *event {
             WindowEvent::ModifiersChanged(modifiers) => {

@@ -1,12 +1,12 @@
-//! How many lights and shadow maps a picture has.
+//! The number of lights and shadow maps of a picture.
 
 use crate::render::DirectionalOptions;
 use crate::render::budget::Quality;
 
-/// By how much a key changes the number of lights.
+/// Factor by which a key changes the number of lights.
 const LIGHTS_STEP: f64 = 1.25;
 
-/// The most that a renderer of these options can be asked for.
+/// The highest quality that a renderer with these options supports.
 pub(super) fn reserved(options: &DirectionalOptions) -> Quality {
     Quality { lights: options.lights, shadow_maps: options.shadow_maps.min(options.lights) }
 }
@@ -23,8 +23,8 @@ pub(super) fn stepped(lights: usize, is_more: bool, reserved: Quality) -> Qualit
     Quality { lights, shadow_maps: reserved.shadow_maps.min(lights) }
 }
 
-/// Length of the prefix of a list of `length` lights of which `lights` of at most `most` may light
-/// everything: set L gets shorter in the same proportion.
+/// Length of the prefix of a list of `length` lights when set H has `lights` of at most `most` lights: set L
+/// gets shorter in the same proportion.
 pub(super) fn prefix_length(length: usize, lights: usize, most: usize) -> usize {
     (length * lights).div_ceil(most.max(1)).max(lights).min(length)
 }

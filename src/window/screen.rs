@@ -3,13 +3,13 @@ use crate::gpu::Gpu;
 use std::sync::Arc;
 use winit::window::Window;
 
-/// The window as something to draw on.
+/// The window as a render target.
 pub(super) struct Screen {
     instance: wgpu::Instance,
     window: Arc<Window>,
     surface: wgpu::Surface<'static>,
     format: wgpu::TextureFormat,
-    /// Whether what was drawn last still fitted, but not well.
+    /// Whether the surface was suboptimal for the last picture.
     is_suboptimal: bool,
 }
 
@@ -17,7 +17,7 @@ impl Screen {
     /// A screen and the device that draws on it; configure it before use.
     ///
     /// # Errors
-    /// Those of the device; when the window takes no pictures from it.
+    /// Those of the device; when the window is not supported by it.
     pub fn new(instance: wgpu::Instance, window: Arc<Window>) -> Result<(Self, Gpu)> {
         let surface = surface(&instance, &window)?;
         let gpu = Gpu::open(&instance, Some(&surface))?;
@@ -25,12 +25,12 @@ impl Screen {
         Ok((Self { instance, window, surface, format, is_suboptimal: false }, gpu))
     }
 
-    /// What pictures for it are coded as.
+    /// Texture format of pictures for it.
     pub fn format(&self) -> wgpu::TextureFormat {
         self.format
     }
 
-    /// Follows the size of the window, which must not be 0.
+    /// Adapts to the size of the window, which must not be 0.
     pub fn configure(&self, gpu: &Gpu, [width, height]: [u32; 2]) {
         self.surface.configure(
             &gpu.device,
@@ -48,11 +48,11 @@ impl Screen {
         );
     }
 
-    /// The next picture to draw on; `None` where this frame is to be left out: the window is covered, or has
-    /// just changed and the screen with it.
+    /// The next surface texture to draw on; `None` where this frame is to be skipped: the window is occluded,
+    /// or has just changed and the surface with it.
     ///
     /// # Errors
-    /// When the device was lost, or the window takes no pictures any more.
+    /// When the device was lost, or the surface can no longer be used.
     pub fn next(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<Option<wgpu::SurfaceTexture>> {
         use wgpu::CurrentSurfaceTexture as Current;
         if std::mem::take(&mut self.is_suboptimal) {
@@ -61,7 +61,7 @@ impl Screen {
         match self.surface.get_current_texture() {
             Current::Success(texture) => return Ok(Some(texture)),
             Current::Suboptimal(texture) => {
-                // Some displays say so for ever; they are drawn on all the same.
+                // Some displays always report this; they are drawn on anyway.
                 self.is_suboptimal = true;
                 return Ok(Some(texture));
             }

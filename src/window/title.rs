@@ -1,7 +1,7 @@
 use std::fmt::Write as _;
 use std::time::Duration;
 
-/// Frames whose median is shown.
+/// Number of frames whose median time is shown.
 const FRAMES: usize = 31;
 
 /// Times of the last frames.
@@ -19,7 +19,8 @@ impl FrameTimes {
         self.filled = (self.filled + 1).min(FRAMES);
     }
 
-    /// Median of the last 31 or as many as there are, in nanoseconds; `None` before the first.
+    /// Median of the last 31 frame times, or of as many as there are, in nanoseconds; `None` before the
+    /// first.
     pub fn median_ns(&self) -> Option<u64> {
         let mut sorted = self.ring;
         let sorted = &mut sorted[..self.filled];
@@ -28,14 +29,14 @@ impl FrameTimes {
     }
 }
 
-/// What the title of the window says.
+/// The contents of the window's title.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Title<'a> {
-    /// What is shown.
+    /// Name of the scene.
     pub name: &'a str,
     pub timings: Option<Timings>,
     pub is_frozen: bool,
-    /// Whether no list will come any more from where they came.
+    /// Whether the source of lists has ended.
     pub has_ended: bool,
 }
 
@@ -45,8 +46,8 @@ pub(super) struct Timings {
     pub lights: usize,
     pub shadow_maps: usize,
     pub samples: u32,
-    /// Where lists arrive: sequence number of the one that is shown, time since it arrived, and lists that
-    /// were skipped.
+    /// For live lists: sequence number of the one that is shown, time since it arrived, and lists that were
+    /// skipped.
     pub list: Option<(u64, Duration, u64)>,
 }
 

@@ -1,4 +1,4 @@
-//! Lists as bytes: 14 for a light. `docs/protocol.md` has the layout.
+//! Lists as bytes: 14 per light. `docs/protocol.md` has the layout.
 
 #[cfg(test)]
 mod tests;
@@ -14,7 +14,7 @@ use std::fmt::LowerExp;
 
 /// `LCL` and the version.
 const MAGIC: [u8; 4] = *b"LCL\x01";
-/// Bytes of the header before what clients share: magic, sizes and the [`Delivery`].
+/// Bytes of the header before the part that clients share: magic, sizes and the [`Delivery`].
 const DELIVERY_BYTES: usize = 48;
 /// Bytes of the whole header.
 const HEADER_BYTES: usize = 120;
@@ -30,8 +30,8 @@ const MAX_PREFIX_ERRORS: usize = 64;
 /// The part of a message that all clients of a list share: every byte from 48 on.
 ///
 /// An error that was not measured is sent as 0. Numbers that cannot be sent are replaced: NaN, infinity and
-/// what is negative as 0, irradiances above 1e30 and powers above 1e36 as these, spreads above pi as pi; a
-/// direction that is none is sent as +Y. What this gives, [`decode`] takes.
+/// negative numbers by 0, irradiances above 1e30 and powers above 1e36 by these limits, spreads above pi by
+/// pi, invalid directions by +Y. [`decode`] accepts the result.
 ///
 /// # Errors
 /// A light whose id is above 65,535; two lights of one id; more than [`MAX_LIGHTS`] lights or 64 prefix
@@ -94,7 +94,7 @@ pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-/// Puts a message together from what [`encode_list`] gave and the rest. The capture times are sent if both
+/// Assembles a message from the result of [`encode_list`] and the rest. The capture times are sent if both
 /// are known.
 pub fn encode(body: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     let Delivery { lost, capture_monotonic_ns, capture_utc_ns, sent_monotonic_ns, sent_utc_ns } = *delivery;
@@ -114,11 +114,11 @@ pub fn encode(body: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     message.extend_from_slice(body);
 }
 
-/// Takes a message apart, into the storage that `message` has. Flags that are unknown are passed over, and
-/// what a longer header has after byte 120.
+/// Decodes a message into the storage of `message`. Unknown flags are ignored, as are the bytes of a longer
+/// header after byte 120.
 ///
 /// # Errors
-/// Says which byte is wrong; `message` is then as it was. Everything is looked at before anything is stored.
+/// Says which byte is wrong; `message` is then unchanged. Everything is checked before anything is stored.
 pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     let header = Header::read(bytes)?;
     let (prefixes, lights) = bytes[header.length..].split_at(PREFIX_BYTES * header.prefixes);
@@ -161,7 +161,7 @@ pub fn decode(bytes: &[u8], message: &mut Message) -> Result<()> {
     Ok(())
 }
 
-/// What a message says before its prefix errors, checked.
+/// The checked part of a message before its prefix errors.
 struct Header {
     /// Bytes before the prefix errors.
     length: usize,
@@ -256,14 +256,14 @@ impl Header {
     }
 }
 
-/// The bytes from `byte` on, which the caller has seen to be there.
+/// The bytes from `byte` on; the caller has checked that they are there.
 fn at<const N: usize>(bytes: &[u8], byte: usize) -> [u8; N] {
     let mut copy = [0; N];
     copy.copy_from_slice(&bytes[byte..byte + N]);
     copy
 }
 
-/// `value` if it is from 0 to `most`, which NaN is not.
+/// `value` if it is from 0 to `most`; NaN is refused.
 fn check<T: Copy + Default + LowerExp + PartialOrd>(value: T, most: T, byte: usize, what: &str) -> Result<T> {
     if (T::default()..=most).contains(&value) {
         return Ok(value);
@@ -296,7 +296,7 @@ impl Default for Ids {
 }
 
 impl Ids {
-    /// Takes an id; whether it was taken.
+    /// Takes an id; returns whether it was taken already.
     fn is_taken(&mut self, id: u16) -> bool {
         let (word, bit) = (&mut self.0[usize::from(id) / 64], 1 << (id % 64));
         let was_taken = *word & bit != 0;

@@ -1,16 +1,16 @@
-//! Messages as JSON: a list as [`write_list`](super::write_list) writes it with one key more at the end,
-//! `"stream":{...}`, a [`Delivery`]. A program that knows lists and no streams reads it as a list.
+//! Messages as JSON: a list as [`write_list`](super::write_list) writes it with one more key at the end,
+//! `"stream":{...}`, a [`Delivery`]. A program that knows only lists and not streams reads it as a list.
 
 use super::list::read_list_with;
 use super::{Delivery, MESSAGE_MAX_BYTES, Message};
 use crate::error::{Error, Result};
 
-/// Room for what goes with a list: five numbers of at most 20 characters, and their names.
+/// Room for the data that goes with a list: five numbers of at most 20 characters, and their names.
 const DELIVERY_BYTES: usize = 256;
 
-/// Puts a message together from the JSON object of its list and the rest, into `message`.
+/// Assembles a message from the JSON object of its list and the rest, into `message`.
 ///
-/// `list` is one JSON object with at least one key, with a line's end or without.
+/// `list` is one JSON object with at least one key, with or without a newline.
 pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     message.clear();
     message.reserve(list.len() + DELIVERY_BYTES);
@@ -20,7 +20,7 @@ pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     message.push(b'}');
 }
 
-/// Takes a message apart.
+/// Decodes a message.
 ///
 /// # Errors
 /// Those of [`read_list`](super::read_list); a `stream` that is missing or wrong; more than
@@ -57,7 +57,7 @@ mod tests {
         line
     }
 
-    /// The list's line, and the line of what a client has of it.
+    /// The line of the list, and that of the list that a client gets.
     fn there_and_back(list: &LightList) -> [String; 2] {
         let (line, mut text, mut message) = (line_of(list), Vec::new(), Message::default());
         encode(&line, &DELIVERY, &mut text);
@@ -84,7 +84,7 @@ mod tests {
                    \"capture_utc_ns\":null,\"sent_monotonic_ns\":9223372036854775807,\
                    \"sent_utc_ns\":1764205200123456789}}"
         );
-        // A program that knows lists and no streams.
+        // A program that knows only lists and not streams.
         let mut read = LightList::default();
         read_list(&text, &mut read).unwrap();
         assert_eq!(read, list);
@@ -96,8 +96,8 @@ mod tests {
         let [line, back] = there_and_back(&list);
         assert_eq!(line, back);
 
-        // Every float from 0 to 1e30 is one that a list may have: steps that meet all exponents, and the
-        // awkward ones.
+        // Every float from 0 to 1e30 is one that a list may have: steps through all exponents, and special
+        // cases.
         let mut floats: Vec<f32> = (0..1e30_f32.to_bits()).step_by(150_001).map(f32::from_bits).collect();
         floats.extend([1e30, f32::MIN_POSITIVE, 0.1, 1.0 / 3.0, 16_777_216.0, 1e-45, 9.999_999e22, -0.0]);
         list.lights = floats

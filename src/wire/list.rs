@@ -8,7 +8,7 @@ use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
 use std::io;
 
-/// What is written, in the order of the keys.
+/// The keys that are written, in their order.
 #[derive(Serialize)]
 struct Written<'a> {
     version: u32,
@@ -25,8 +25,9 @@ struct Written<'a> {
     lights: &'a [Light],
 }
 
-/// What an object must hold. Unknown keys are let pass: later versions may say more. The stamp's keys stand
-/// here one by one because a flattened `Stamp` would have serde keep the values of all unknown keys.
+/// The keys that an object must have. Unknown keys are ignored, because later versions may have more. The
+/// stamp's keys are listed here one by one because a flattened `Stamp` would make serde store the values of
+/// all unknown keys.
 #[derive(Deserialize)]
 struct Read<S> {
     version: u32,
@@ -74,21 +75,22 @@ pub fn write_list_line(list: &LightList, mut writer: impl io::Write) -> io::Resu
     writer.write_all(b"\n")
 }
 
-/// Makes `list` what a JSON object says, as [`write_list`] writes it; keys that are unknown are passed over.
-/// Without a `power` that of the lights is taken.
+/// Reads `list` from a JSON object as [`write_list`] writes it; unknown keys are ignored. Without a `power`
+/// that of the lights is used.
 ///
 /// # Errors
-/// With the column: no JSON, a key that is missing, another version; with the number of the light: directions
-/// that are no unit vectors, irradiances that are negative, not finite or above 1e30; errors that are
-/// negative or not finite. The list is then as it was.
+/// With the column: invalid JSON, a missing key, another version; with the number of the light: directions
+/// that are not unit vectors, irradiances that are negative, not finite or above 1e30; errors that are
+/// negative or not finite. The list is then unchanged.
 pub fn read_list(text: &[u8], list: &mut LightList) -> Result<()> {
     read_list_with::<IgnoredAny>(text, list).map(|_| ())
 }
 
-/// [`read_list`]; gives the value of the key `stream`, in which a list on its way says what goes with it.
+/// [`read_list`]; returns the value of the key `stream`, which holds the data that goes with a transmitted
+/// list.
 ///
 /// # Errors
-/// Also when that value is no `S`.
+/// Also when that value is not an `S`.
 pub(super) fn read_list_with<S: DeserializeOwned>(text: &[u8], list: &mut LightList) -> Result<Option<S>> {
     let read: Read<S> = serde_json::from_slice(text)
         .map_err(|error| Error::failed("is no light list, one JSON object").because(error))?;

@@ -33,7 +33,7 @@ impl ListFile {
         Self { name: name.to_owned(), reader, line_number: 0, line: Vec::new() }
     }
 
-    /// Reads the next list into `list`; false at the end of the file. Empty lines are passed over.
+    /// Reads the next list into `list`; false at the end of the file. Empty lines are skipped.
     ///
     /// # Errors
     /// With file and line, those of [`read_list`].

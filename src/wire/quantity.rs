@@ -4,7 +4,7 @@
 const STEPS: f64 = 1024.0;
 /// The code of the scale's top.
 const TOP: f64 = 65535.0;
-/// Half of the codes' range: what a coordinate of 1 is away from the middle.
+/// Half of the codes' range: the distance of a coordinate of 1 from the middle.
 const HALF: f64 = 32767.5;
 
 /// A scale from 0 to `top`, which has the code 65,535.
@@ -15,13 +15,13 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// `top` is finite and not negative. Under a `top` of 0 all is 0.
+    /// `top` is finite and not negative. With a `top` of 0 everything is 0.
     pub fn new(top: f64) -> Self {
         Self { top, log_top: top.log2() }
     }
 
-    /// The nearest code, by ratio; 0 for what is below the smallest code by more than half a step, for what
-    /// is negative, and for NaN. What is above `top` gets the code of `top`.
+    /// The nearest code, by ratio; 0 for values more than half a step below the smallest code, for negative
+    /// values, and for NaN. Values above `top` get the code of `top`.
     pub fn encode(self, value: f32) -> u16 {
         // The cast saturates.
         if value > 0.0 && self.top > 0.0 {
@@ -31,13 +31,13 @@ impl Scale {
         }
     }
 
-    /// What a code stands for: 0 to `top`.
+    /// The value that a code stands for: 0 to `top`.
     pub fn decode(self, code: u16) -> f32 {
         if code == 0 { 0.0 } else { (self.top * ((f64::from(code) - TOP) / STEPS).exp2()) as f32 }
     }
 }
 
-/// Codes `[u, v]` of a direction, which need not have length 1; straight up where it is none: zero, or not
+/// Codes `[u, v]` of a direction, which need not have length 1; straight up where it is invalid: zero, or not
 /// finite.
 pub fn encode_direction(direction: [f32; 3]) -> [u16; 2] {
     let [x, y, z] = direction.map(f64::from);
@@ -57,12 +57,12 @@ pub fn decode_direction(codes: [u16; 2]) -> [f32; 3] {
     let [a, b] = codes.map(|code| f64::from(code) / HALF - 1.0);
     let y = 1.0 - a.abs() - b.abs();
     let (a, b) = if y < 0.0 { folded(a, b) } else { (a, b) };
-    // The sum of the three coordinates' sizes is 1, so that their length is at least 1 / sqrt(3).
+    // The sum of the three coordinates' absolute values is 1, so that their length is at least 1 / sqrt(3).
     let scale = 1.0 / (a * a + y * y + b * b).sqrt();
     [a, y, b].map(|v| (v * scale) as f32)
 }
 
-/// Turns the four corners of the square in, or out: they are the half of the octahedron that looks down.
+/// Folds the four corners of the square in, or out: they are the lower half of the octahedron.
 fn folded(a: f64, b: f64) -> (f64, f64) {
     let sign = |v: f64| if v < 0.0 { -1.0 } else { 1.0 };
     ((1.0 - b.abs()) * sign(a), (1.0 - a.abs()) * sign(b))
@@ -75,7 +75,7 @@ mod tests {
     use lightcast_core::math::{angle_between, direction, fibonacci_sphere};
     use std::f64::consts::{FRAC_PI_2, PI};
 
-    /// Degrees between a direction and what is left of it; what is left has length 1.
+    /// Degrees between a direction and its decoded code, which has length 1.
     fn turned_deg(wanted: [f32; 3]) -> f64 {
         let got = DVec3::from(decode_direction(encode_direction(wanted)).map(f64::from));
         assert!((got.length() - 1.0).abs() < 1e-6, "{wanted:?}: {got}");
@@ -85,7 +85,8 @@ mod tests {
     #[test]
     fn directions_turn_by_less_than_the_protocol_says() {
         let all_over = fibonacci_sphere(200_000).map(turned_deg_of).fold(0.0, f64::max);
-        // Axes, the edges of the octahedron where its halves meet, and close on either side of them.
+        // Axes, the edges of the octahedron where its halves meet, and directions close to them on either
+        // side.
         let mut hard = 0.0_f64;
         for quarter in 0..4 {
             let phi = f64::from(quarter) * FRAC_PI_2;

@@ -6,22 +6,22 @@ use serde::{Deserialize, Serialize};
 
 /// Most lists that wait for a client.
 pub const QUEUE_MAX: u32 = 64;
-/// Lowest rate that can be asked for: a list in a quarter of an hour.
+/// Lowest rate that can be requested: one list in a quarter of an hour.
 const LEAST_RATE_HZ: f64 = 1e-3;
 
-/// What a client wants of the lists.
+/// The lists that a client wants.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Subscription {
-    /// So many lights at most, which the later ones have joined; `None`: all.
+    /// At most this many lights, which the later ones have joined; `None`: all.
     pub lights: Option<u32>,
-    /// So many lists a second at most; `None`: all.
+    /// At most this many lists a second; `None`: all.
     pub rate_hz: Option<f64>,
-    /// The shortest prefix whose published error is under this; the longest that `lights` allows where none
-    /// is.
+    /// The shortest prefix whose published error is under this; if there is none, the longest that `lights`
+    /// allows.
     pub error: Option<f32>,
-    /// So many lists wait for a slow client, 1 to 64; one that is further behind gets the newest next. 1, the
-    /// default, is for those who show light, more for those who record it.
+    /// Number of lists that wait for a slow client, 1 to 64; one that is further behind gets the newest next.
+    /// 1, the default, is for clients that display light, more for those that record it.
     pub queue: u32,
 }
 
@@ -31,7 +31,7 @@ impl Default for Subscription {
     }
 }
 
-/// What a client may say: `{"subscribe":{"lights":64}}`. Keys that are missing have their defaults.
+/// A message from a client: `{"subscribe":{"lights":64}}`. Keys that are missing have their defaults.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Demand {
@@ -43,7 +43,7 @@ impl Subscription {
     /// Reads the query of a URL, such as `lights=64&rate_hz=10`.
     ///
     /// # Errors
-    /// Names the key that is unknown, there twice, or wrong; more than [`DEMAND_MAX_BYTES`].
+    /// Names the key that is unknown, repeated, or wrong; more than [`DEMAND_MAX_BYTES`].
     pub fn from_query(query: &str) -> Result<Self> {
         short(query.len())?;
         serde_urlencoded::from_str::<Self>(query)
@@ -54,7 +54,7 @@ impl Subscription {
     /// Reads a [`Demand`].
     ///
     /// # Errors
-    /// As [`Self::from_query`]; when it is no JSON object.
+    /// As [`Self::from_query`]; when it is not a JSON object.
     pub fn from_message(text: &[u8]) -> Result<Self> {
         short(text.len())?;
         let Demand::Subscribe(subscription) = serde_json::from_slice(text)
@@ -63,7 +63,7 @@ impl Subscription {
     }
 
     /// # Errors
-    /// Names the key whose value has no meaning, and what to give.
+    /// Names the key whose value is invalid, and the valid values.
     pub fn checked(self) -> Result<Self> {
         let fault = if self.lights.is_some_and(|lights| !(1..=MAX_LIGHTS as u32).contains(&lights)) {
             format!("lights: give 1 to {MAX_LIGHTS}")
@@ -79,7 +79,7 @@ impl Subscription {
         Err(Error::failed(fault))
     }
 
-    /// Number of lights of `list` that this asks for.
+    /// Number of lights of `list` that this requests.
     pub fn light_count(&self, list: &LightList) -> usize {
         let all = list.lights.len();
         let most = self.lights.map_or(all, |lights| all.min(lights as usize));
@@ -98,12 +98,11 @@ impl Subscription {
         let time_ns = stamp.capture_time_ns;
         let next_ns = match due_ns {
             Some(due_ns) => {
-                // Frames come a little early or late; half a frame's time decides between two.
+                // Frames come a little early or late; half a frame time decides between two.
                 let rate_hz = stamp.frame_rate_hz;
                 let half_frame_ns = if rate_hz > 0.0 { (5e8 / rate_hz) as i64 } else { 0 };
                 let until_ns = due_ns.saturating_sub(time_ns);
-                // Times that ran back, by a clock that was set or a source that began anew, are not waited
-                // for.
+                // If times ran backwards, because a clock was set or a source restarted, there is no wait.
                 if until_ns > half_frame_ns.min(period_ns / 2) && until_ns <= period_ns.saturating_mul(2) {
                     return None;
                 }
@@ -240,11 +239,11 @@ mod tests {
             [0.6, 0.5, 0.28, 0.25, 0.125, 0.1].map(|error| count(None, Some(error))),
             [8, 16, 16, 64, 72, 72]
         );
-        // No prefix will do: as many as are allowed.
+        // No prefix is good enough: as many as are allowed.
         assert_eq!([count(None, Some(0.01)), count(Some(20), Some(0.01))], [72, 20]);
         // Fewer are allowed than the error asks for.
         assert_eq!([count(Some(10), Some(0.28)), count(Some(40), Some(0.28))], [10, 16]);
-        // A list that says no errors, or those of more lights than it has.
+        // A list that has no errors, or those of more lights than it has.
         list.prefix_errors.clear();
         let any = Subscription { error: Some(0.5), ..Subscription::default() };
         assert_eq!(any.light_count(&list), 72);

@@ -1,5 +1,4 @@
-//! The product's camera alone: what it captures is what was written, and what it is told about the device is
-//! so.
+//! The product's camera alone: it captures what was written, and its description of the device is correct.
 
 use crate::frames::{codes, lamp};
 use crate::kernel::{Layout, Node};
@@ -21,7 +20,7 @@ fn options(device: &str, format: &str, [width, height]: [u32; 2]) -> V4l2Options
     }
 }
 
-/// The next frame; a camera that gives none in this time gives none at all.
+/// The next frame; a camera that delivers none within this time delivers none at all.
 fn next(camera: &mut V4l2Camera, frame: &mut Frame) -> Mark {
     match camera.capture(Duration::from_secs(10), frame).unwrap() {
         Captured::Frame(mark) => mark,
@@ -123,7 +122,7 @@ fn devices_are_listed_with_names_formats_and_controls() {
     assert_eq!(control("gain_automatic").kind, ControlKind::Switch);
     assert_eq!(control("osd_text_mode").items.values().collect::<Vec<_>>(), ["All", "Counters Only", "None"]);
     assert!(devices.iter().any(|device| device.name == LOOPBACK));
-    // Two devices of vivid's; the output side of the first gives no frames.
+    // vivid has two devices; the output side of the first delivers no frames.
     assert_eq!(devices.iter().filter(|device| device.driver == "vivid").count(), 2);
 }
 
@@ -150,7 +149,7 @@ fn controls_are_set_and_wrong_wishes_refused_with_what_there_is() {
     V4l2Camera::open(with("brightness", ControlValue::Number(77))).unwrap();
     V4l2Camera::open(with("osd_text_mode", ControlValue::Item("none".to_owned()))).unwrap();
     V4l2Camera::open(with("gain_automatic", ControlValue::Switch(false))).unwrap();
-    // A mask whose highest bit is that of 32.
+    // A mask with the highest of 32 bits set.
     V4l2Camera::open(with("bitmask", ControlValue::Number(0x8000_0010))).unwrap();
     let device = devices().into_iter().find(|device| device.name == VIVID).unwrap();
     for (name, value) in
@@ -208,6 +207,6 @@ fn a_camera_in_use_is_a_lost_device() {
     first.stop();
     second.start().unwrap();
     next(&mut second, &mut Frame::default());
-    // The node is not needed by number.
+    // The number of the node is not used.
     assert!(Node::open(&vivid::capture_path().unwrap()).is_ok());
 }

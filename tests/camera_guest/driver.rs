@@ -1,5 +1,5 @@
-//! What the other checks rest on: the drivers carry pictures unchanged, and every fault can be had. Seen
-//! through the `v4l` crate alone, so that a failure here is not the product's.
+//! Preconditions of the other checks: the drivers carry pictures unchanged, and every fault can be injected.
+//! Only the `v4l` crate is used, so that a failure here is not one of the product.
 
 use crate::frames::noise;
 use crate::kernel::Layout;
@@ -46,7 +46,7 @@ fn loopback_carries_16_bits() {
     let layout = Layout::two_bytes(b"Y16 ", 1024, 1024);
     let mut camera = Loopback::open(layout);
     let device = Device::with_path(loopback::path()).unwrap();
-    // The driver knows no format of a reader's before the first picture.
+    // The driver has no format for readers before the first picture.
     assert_eq!(device.format().unwrap_err().raw_os_error(), Some(EINVAL));
     let first = noise(layout, 0, 0xffff);
     camera.write(first);
@@ -62,7 +62,7 @@ fn loopback_carries_16_bits() {
         assert_eq!((metadata.sequence, metadata.bytesused), (number, layout.size));
         assert!(&bytes[..layout.size as usize] == written, "picture {number} is another one");
     }
-    // A picture that is too short is handed on as such.
+    // A picture that is too short is passed on unchanged.
     camera.write(&first[..1000]);
     assert_eq!(next(&mut stream).unwrap().bytesused, 1000);
 }
@@ -100,7 +100,7 @@ fn loop_carries(layout: Layout, mask: u16) {
     }
 }
 
-/// Whether two pictures have the same pixels; what lies behind a row's end means nothing.
+/// Whether two pictures have the same pixels; padding after the end of a row is ignored.
 fn rows_equal(one: &[u8], other: &[u8], layout: Layout) -> bool {
     let stride = layout.stride as usize;
     let row = 2 * layout.width as usize;
@@ -215,7 +215,7 @@ fn unplugged_device_comes_back_under_another_number() {
     let error = (0..24).find_map(|_| next(&mut broken).err()).unwrap();
     assert_eq!(error.raw_os_error(), Some(ENODEV));
     assert!(!Path::exists(&path));
-    // The number is taken as long as somebody holds the old device.
+    // The number is in use as long as the old device is open.
     vivid::plug();
     let new = vivid::capture_path().unwrap();
     assert_ne!(new, path);

@@ -1,5 +1,5 @@
-//! Every fault that the drivers can be told to have, under the running service: it is reported and counted,
-//! the filter is told the gap, and lists go on. What is true of every run is checked where it ends
+//! Every fault that can be injected into the drivers, under the running service: it is reported and counted,
+//! the filter is informed of the gap, and lists continue. Invariants of every run are checked at its end
 //! ([`Live::end`]).
 
 use crate::frames::{codes, lamp};
@@ -18,8 +18,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Small: faults do not depend on the picture. One of two bytes a pixel fills whole pages, as the loopback
-/// wants it.
+/// The pictures are small, since faults do not depend on them. With two bytes per pixel one fills whole
+/// pages, as the loopback requires.
 const SIZE: [u32; 2] = [160, 128];
 
 const RATE_HZ: f64 = 60.0;
@@ -42,7 +42,7 @@ fn watching(source: &str) -> (Live, TempDir) {
     (live, folder)
 }
 
-/// The same with a vivid as new, when some frames have come.
+/// The same with a newly loaded vivid, after some frames.
 fn running() -> (Live, TempDir) {
     vivid::fresh();
     let (live, folder) = watching(&camera(VIVID, layout(b"Y12 ")));
@@ -72,11 +72,12 @@ fn frames_that_the_kernel_drops_are_counted() {
     vivid::inject(Fault::DroppedPercent(0));
     live.run_on(8);
     let (came, dropped) = (live.frames() - before, live.count(DROPPED) - dropped_before);
-    // Half of the time of 60 frames in 68, less what chance leaves (five standard deviations).
+    // Half of the frames were dropped during 60 of the 68 captured ones; the bound allows for chance (five
+    // standard deviations).
     assert!(dropped >= 30, "{dropped} of {}", came + dropped);
     let ended = live.end();
     ended.has_no_restarts();
-    // The driver's clock says how many frames there were; it gives a number twice now and then.
+    // The driver's clock gives the number of frames; it occasionally gives a number twice.
     let ((first, first_ns, _), (last, last_ns, _)) = (ended.stamps[0], *ended.stamps.last().unwrap());
     let frames = (last_ns - first_ns) as f64 * 1e-9 * RATE_HZ;
     assert!(((last - first) as f64 - frames).abs() < 4.0, "{first} to {last} in the time of {frames}");
@@ -145,7 +146,7 @@ fn fatal_error_restarts_the_stream() {
 #[ignore = "needs the guest: make test-camera"]
 fn disconnected_camera_is_found_when_it_is_back() {
     let (live, _folder) = running();
-    // The driver brings the device back when the last who has it open closes it.
+    // The driver restores the device when its last open handle is closed.
     let holder = Node::open(&vivid::capture_path().unwrap()).unwrap();
     vivid::inject(Fault::Disconnect);
     live.until("missed", |_| messages::count(": is not there") > 1);
@@ -163,7 +164,7 @@ fn disconnected_camera_is_found_when_it_is_back() {
 fn unplugged_camera_is_found_under_another_number() {
     let (live, _folder) = running();
     let path = vivid::capture_path().unwrap();
-    // As long as somebody holds the old node its number is taken.
+    // The number of the old node is in use as long as the node is open.
     let holder = Node::open(&path).unwrap();
     vivid::unplug();
     live.until("missed", |_| messages::count(": is not there") > 1);
@@ -180,7 +181,7 @@ fn unplugged_camera_is_found_under_another_number() {
 #[ignore = "needs the guest: make test-camera"]
 fn camera_that_is_back_with_other_settings_is_set_up_as_before() {
     vivid::fresh();
-    // Set up by another program, say; the configuration leaves format and size alone.
+    // For example, another program set it up; the configuration does not specify format and size.
     let set_up = V4l2Options {
         device: VIVID.to_owned(),
         format: Some("Y12".to_owned()),
@@ -289,7 +290,7 @@ fn short_buffers_are_counted_and_skipped() {
     ended.has_no_restarts();
     let losses: Vec<_> = ended.stamps.iter().map(|stamp| (stamp.0, stamp.2)).collect();
     assert_eq!(losses, [(0, 0), (1, 0), (2, 0), (3, 0), (6, 2), (7, 0), (8, 0), (9, 0)]);
-    // The recording has the pictures with the numbers that they were written with.
+    // The recording has the pictures with the numbers with which they were written.
     let mut frame = Frame::default();
     for (number, _) in losses {
         read(&recording.join(format!("frame.{number:06}.exr")), &mut frame).unwrap();
@@ -306,7 +307,7 @@ fn slow_reader_loses_lists_and_no_frames() {
     let written = |live: &Live| live.summary().stage("publish").unwrap().frames.get();
     live.until("a list", |live| written(live) > 0);
     let shut = live.lines().shut();
-    // More lists than wait for a file, each made before the next picture is shown.
+    // More lists than the queue of a file holds, each made before the next picture is shown.
     let made = |live: &Live| live.summary().lists_made();
     let mut show = |live: &Live, number: u32| {
         let before = made(live);
@@ -315,7 +316,7 @@ fn slow_reader_loses_lists_and_no_frames() {
     };
     (1..=140).for_each(|number| show(&live, number));
     assert_eq!(live.count(DROPPED), 0, "{}", live.summary());
-    // One list was on its way before the door was shut.
+    // One list was in transit before the door was shut.
     assert!(written(&live) <= 2, "{}", live.summary());
     drop(shut);
     live.until("written", |live| written(live) > 100);
@@ -336,7 +337,7 @@ fn slow_disk_loses_recorded_frames_and_no_live_ones() {
     let folder = tempfile::tempdir().unwrap();
     let recording = folder.path().join("recording");
     let options = RecordOptions { folder: recording.clone(), queue: 1, ..RecordOptions::default() };
-    // Nothing waits but the writer, for the capture alone: a file takes longer than that.
+    // Only the writer waits, and only for the capture: writing a file takes longer.
     let (mut writer, live) = fed("live", Some(options), folder.path());
     feed(&mut writer, &live, 1, 40);
     let ended = live.end();

@@ -2,8 +2,8 @@
 
 use crate::kernel::Layout;
 
-/// Pixels without any order, so that a byte that goes astray is seen; 16-bit words that keep to `mask`. It
-/// stays for good: a driver may hold on to it.
+/// Random pixels, so that a misplaced byte is detected; 16-bit words limited to `mask`. The memory is leaked,
+/// because a driver may keep using it.
 pub fn noise(layout: Layout, seed: u32, mask: u16) -> &'static [u8] {
     words(layout, seed, mask).leak()
 }
@@ -38,7 +38,7 @@ pub fn lamp(layout: Layout, number: u32, mask: u16) -> &'static [u8] {
     bytes.leak()
 }
 
-/// The 16-bit words of a picture's pixels, without what lies behind the rows.
+/// The 16-bit words of a picture's pixels, without the padding of rows.
 pub fn codes(picture: &[u8], layout: Layout) -> Vec<u16> {
     let row = 2 * layout.width as usize;
     picture

@@ -1,6 +1,6 @@
 //! The driver's side of a video device: the few ioctls that a test needs to feed frames and to inject faults.
 //!
-//! Nothing here is the product's: what captures is tested, what feeds only has to be simple.
+//! Nothing here belongs to the product: the capturing side is tested, the feeding side only has to be simple.
 
 #![expect(
     unsafe_code,
@@ -26,20 +26,20 @@ const PROGRESSIVE: u32 = 1;
 /// `V4L2_CTRL_FLAG_NEXT_CTRL`.
 const NEXT_CONTROL: u32 = 0x8000_0000;
 
-/// A picture format, as asked for and as given.
+/// A picture format, as requested and as returned by the driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     pub four_cc: [u8; 4],
     pub width: u32,
     pub height: u32,
-    /// Bytes from a row to the next; 0 lets the driver choose.
+    /// Bytes from one row to the next; 0 lets the driver choose.
     pub stride: u32,
-    /// Bytes of a picture, as the driver says; 0 before it said so.
+    /// Bytes of a picture, as reported by the driver; 0 before.
     pub size: u32,
 }
 
 impl Layout {
-    /// Tight rows of two bytes per pixel, as all formats are that the checks use.
+    /// A format with unpadded rows of two bytes per pixel, like all formats in the checks.
     pub fn two_bytes(four_cc: &[u8; 4], width: u32, height: u32) -> Self {
         Self { four_cc: *four_cc, width, height, stride: 2 * width, size: 2 * width * height }
     }
@@ -60,11 +60,12 @@ impl Node {
     }
 
     fn call<T>(&self, request: c_ulong, argument: &mut T) -> io::Result<()> {
-        // SAFETY: every caller passes the structure that belongs to `request`; the kernel writes no further.
+        // SAFETY: every caller passes the structure that belongs to `request`; the kernel does not write
+        // beyond it.
         unsafe { ioctl(self.0.as_raw_fd(), request, std::ptr::from_mut(argument).cast::<c_void>()) }
     }
 
-    /// Sets the format of the output side and gives back what the driver made of it.
+    /// Sets the format of the output side and returns the format that the driver chose.
     pub fn set_output_format(&self, layout: Layout) -> io::Result<Layout> {
         let mut format: v4l2_format = zeroed();
         format.type_ = VIDEO_OUTPUT;
@@ -78,7 +79,7 @@ impl Node {
             ..zeroed()
         };
         self.call(vidioc::VIDIOC_S_FMT, &mut format)?;
-        // SAFETY: the kernel filled this member, since the type is that of one plane.
+        // SAFETY: the kernel filled this member, since the type is the single-planar one.
         let given = unsafe { format.fmt.pix };
         Ok(Layout {
             four_cc: given.pixelformat.to_le_bytes(),
@@ -98,7 +99,7 @@ impl Node {
             if self.call(vidioc::VIDIOC_QUERY_EXT_CTRL, &mut query).is_err() {
                 return controls;
             }
-            // SAFETY: the kernel ends the name with a zero inside the array.
+            // SAFETY: the kernel terminates the name with a zero inside the array.
             let name = unsafe { CStr::from_ptr(query.name.as_ptr()) };
             controls.push((query.id, name.to_string_lossy().into_owned()));
         }
@@ -112,7 +113,7 @@ impl Node {
         self.call(vidioc::VIDIOC_S_CTRL, &mut v4l2_control { id, value })
     }
 
-    /// Readies `count` buffers of the output side; 0 frees them.
+    /// Allocates `count` buffers of the output side; 0 frees them.
     pub fn request_output_buffers(&self, count: u32) -> io::Result<u32> {
         let mut request =
             v4l2_requestbuffers { count, type_: VIDEO_OUTPUT, memory: USER_POINTER, ..zeroed() };
@@ -120,8 +121,8 @@ impl Node {
         Ok(request.count)
     }
 
-    /// Hands `picture` to the driver as buffer `index`. It has to stay until that index is dequeued or the
-    /// stream ends.
+    /// Passes `picture` to the driver as buffer `index`. It must remain valid until that index is dequeued or
+    /// the stream ends.
     pub fn queue_output(&self, index: u32, picture: &'static [u8]) -> io::Result<()> {
         let length = u32::try_from(picture.len()).map_err(io::Error::other)?;
         let mut buffer = v4l2_buffer {
@@ -137,7 +138,7 @@ impl Node {
         self.call(vidioc::VIDIOC_QBUF, &mut buffer)
     }
 
-    /// Waits for a buffer that the driver has done with; its index.
+    /// Waits for a buffer with which the driver has finished; returns its index.
     pub fn dequeue_output(&self) -> io::Result<u32> {
         let mut buffer = v4l2_buffer { type_: VIDEO_OUTPUT, memory: USER_POINTER, ..zeroed() };
         self.call(vidioc::VIDIOC_DQBUF, &mut buffer)?;
@@ -153,6 +154,6 @@ impl Node {
 
 /// A structure of the kernel's with all bytes zero.
 fn zeroed<T: Copy>() -> T {
-    // SAFETY: used for the kernel's plain C structures of integers, arrays and unions of them only.
+    // SAFETY: used only for the kernel's plain C structures of integers, arrays and unions of them.
     unsafe { std::mem::zeroed() }
 }

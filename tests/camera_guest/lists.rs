@@ -1,5 +1,5 @@
-//! From a driver to light lists through the product's service: a recording beside it holds what was captured,
-//! and it, as well as the pictures that were written, replays to the lists of the live run.
+//! From a driver to light lists through the product's service: a simultaneous recording holds what was
+//! captured, and both the recording and the written pictures replay to the lists of the live run.
 
 use crate::frames::{codes, lamp};
 use crate::kernel::Layout;
@@ -47,7 +47,7 @@ fn recorded(folder: &Path) -> Vec<(Vec<u16>, Option<Bayer>)> {
     paths.iter().map(read).collect()
 }
 
-/// The recording plays to the lists of the live run.
+/// Checks that the recording replays to the lists of the live run.
 fn replays_to_the_same(folder: &Path, layout: Layout, mask: u16, ended: &Ended) {
     let record = ended.summary.stage("record").unwrap();
     let source = ended.summary.stage("source").unwrap();
@@ -84,7 +84,7 @@ fn lists_of_16_bits_are_those_of_the_written_pictures() {
     }
     replays_to_the_same(folder, layout, 0xffff, &ended);
 
-    // The pictures as they were written, in files that the product has not made.
+    // The pictures as they were written, in files that were not made by the product.
     let written = folder.join("written");
     fs::create_dir(&written).unwrap();
     for (number, picture) in pictures.iter().enumerate() {
@@ -127,10 +127,10 @@ fn lists_of_shown_pictures(layout: Layout, bayer: Option<Bayer>) {
     live.run_on(2);
     for picture in &pictures[1..] {
         output.show(picture);
-        // The driver's two buffers are full of the picture before, and a third is being read.
+        // The driver's two buffers hold the previous picture, and a third is being read.
         live.run_on(4);
     }
-    // Half a dozen large frames are under way, and nothing of them is dropped.
+    // Half a dozen large frames are in the pipeline, and none of them is dropped.
     let (ended, outcome) = live.finish(limit());
     outcome.unwrap();
     ended.has_no_restarts();

@@ -1,4 +1,4 @@
-//! The product's service on a real driver: started, watched, ended, and what is always true of it.
+//! The product's service on a real driver: starting it, watching it, ending it, and checking its invariants.
 
 use crate::kernel::Layout;
 use crate::loopback::wait;
@@ -14,23 +14,23 @@ use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
-/// The names that the product finds the drivers by, without udev.
+/// The names by which the product finds the drivers without udev.
 pub const VIVID: &str = "platform:vivid-000";
 pub const LOOPBACK: &str = "platform:v4l2loopback-000";
 
-/// Long enough for everything that comes at all, in an emulator on a busy machine, unless the kernel's
-/// command line, whose unknown words become the environment, says otherwise.
+/// Limit for everything that is waited for, long enough for an emulator on a busy machine, unless the
+/// kernel's command line, whose unknown words become environment variables, sets another.
 pub fn limit() -> Duration {
     let seconds = env::var("patience_s").ok().and_then(|text| text.parse().ok());
     Duration::from_secs(seconds.unwrap_or(30))
 }
 
-/// Longest end of a service with nothing left to wait for: below the waits of two seconds and more that it
-/// has to interrupt.
+/// Longest time to end a service with nothing left to wait for: less than the waits of two seconds and more
+/// that it has to interrupt.
 const PROMPT: Duration = Duration::from_millis(1500);
 
 /// A configuration with these keys of `[source]`, for a fisheye lens whose circle is a quarter as wide as the
-/// shorter side (the matrix of a wider one takes the emulator long), and codes up to `mask`.
+/// shorter side (the matrix of a wider one takes long in the emulator), and codes up to `mask`.
 pub fn config(folder: &Path, source: &str, layout: Layout, mask: u16) -> Config {
     let Layout { width, height, .. } = layout;
     let focal_length_px = f64::from(width.min(height)) / (4.0 * std::f64::consts::PI);
@@ -53,7 +53,7 @@ pub fn config(folder: &Path, source: &str, layout: Layout, mask: u16) -> Config 
     Config::load(&path).unwrap()
 }
 
-/// A camera with this format, in words of a configuration.
+/// Configuration lines of a camera with this format.
 pub fn camera(device: &str, layout: Layout) -> String {
     let name = String::from_utf8(layout.four_cc.to_vec()).unwrap();
     format!(
@@ -64,7 +64,7 @@ pub fn camera(device: &str, layout: Layout) -> String {
     )
 }
 
-/// Where the lists go; it can be shut, and then its writer waits.
+/// The output for lists; it can be shut, and then its writer waits.
 #[derive(Clone, Default)]
 pub struct Lines(Arc<Door>);
 
@@ -87,7 +87,7 @@ impl Lines {
         Shut(&self.0)
     }
 
-    /// All that was written.
+    /// Everything that was written.
     pub fn text(&self) -> String {
         String::from_utf8(self.0.state.lock().unwrap().text.clone()).unwrap()
     }
@@ -123,9 +123,9 @@ pub struct Live {
     threads: usize,
 }
 
-/// What was left when it had ended.
+/// The results of a service that has ended.
 pub struct Ended {
-    /// All lists as they were written.
+    /// All lists, as they were written.
     pub text: String,
     /// Sequence number, capture time in nanoseconds and frames lost before, of every list.
     pub stamps: Vec<(u64, i64, u64)>,
@@ -154,7 +154,7 @@ impl Live {
         &self.summary
     }
 
-    /// Frames that the camera gave.
+    /// Number of frames that the camera delivered.
     pub fn frames(&self) -> u64 {
         self.summary.stage("source").unwrap().frames.get()
     }
@@ -181,7 +181,7 @@ impl Live {
         self.until("as many frames", |live| live.frames() >= goal);
     }
 
-    /// Ends the service, which has no error and little left to work off.
+    /// Ends the service, which has no error and little remaining work.
     #[track_caller]
     pub fn end(self) -> Ended {
         let (ended, outcome) = self.finish(PROMPT);
@@ -189,9 +189,9 @@ impl Live {
         ended
     }
 
-    /// Ends the service, and checks what is true of every run: it ends within `most`, without a panic, leaves
-    /// no thread; lists have rising numbers and times; no frame was refused as bad; what was lost was counted
-    /// once and told to the filter.
+    /// Ends the service, and checks the invariants of every run: it ends within `most`, without a panic, and
+    /// leaves no thread; lists have increasing numbers and times; no frame was refused as bad; losses were
+    /// counted once and reported to the filter.
     #[track_caller]
     pub fn finish(self, most: Duration) -> (Ended, Result<()>) {
         let Self { service, summary, shutdown, lines, threads: before } = self;
@@ -201,7 +201,7 @@ impl Live {
         let time = start.elapsed();
         assert!(time < most, "it took {time:?} to end");
         assert_eq!(messages::panics(), 0, "panics");
-        // A thread that was joined is a little later gone for the kernel.
+        // A joined thread disappears from the kernel slightly later.
         while threads() > before {
             assert!(start.elapsed() < limit(), "{} threads, {before} before", threads());
             wait(Duration::from_millis(2));
@@ -239,13 +239,13 @@ impl Ended {
         count(&self.summary, name)
     }
 
-    /// Frames that were lost in the longest gap that a list tells of.
+    /// Frames that were lost in the longest gap that a list reports.
     pub fn longest_gap(&self) -> u64 {
         self.stamps.iter().map(|stamp| stamp.2).max().unwrap_or(0)
     }
 
     /// Checks that the camera was started again once, and why. A guest that gets no time from its host for
-    /// two seconds may have a restart more, which says so.
+    /// two seconds may have one more restart, with a message that says so.
     #[track_caller]
     pub fn has_one_restart(&self, why: &str) {
         let lines = messages::count(&format!("{why}; starting it again"));

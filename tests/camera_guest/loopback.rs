@@ -1,11 +1,11 @@
-//! v4l2loopback: what is written to the device is what its readers capture, byte for byte.
+//! v4l2loopback: readers capture what is written to the device, byte for byte.
 
 use crate::kernel::{Layout, Node};
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Where the guest's init script puts it.
+/// The path where the guest's init script creates it.
 pub fn path() -> PathBuf {
     PathBuf::from("/dev/video40")
 }
@@ -27,7 +27,7 @@ impl Loopback {
     }
 }
 
-/// Waits; nothing here has a shutdown to listen to.
+/// Sleeps; nothing here has a shutdown to listen to.
 #[expect(clippy::disallowed_methods, reason = "the pace of a scripted camera")]
 pub fn wait(time: Duration) {
     std::thread::sleep(time);

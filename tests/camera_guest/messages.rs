@@ -1,4 +1,4 @@
-//! What the product says, kept to be read by the checks, and whether anything of it panicked.
+//! The product's messages, kept for the checks, and whether any of its threads panicked.
 
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -20,7 +20,7 @@ impl Write for Keep {
     }
 }
 
-/// Forgets what was said, and listens from now on.
+/// Clears the recorded messages, and records from now on.
 pub fn listen() {
     static START: Once = Once::new();
     START.call_once(|| {
@@ -32,8 +32,8 @@ pub fn listen() {
             .init();
         let report = panic::take_hook();
         panic::set_hook(Box::new(move |info| {
-            // The checks' own thread may panic: that is how a check fails. It is called after the check, or
-            // main.
+            // The checks' own threads may panic: that is how a check fails. They are named after the check,
+            // or main.
             let thread = thread::current();
             if !thread.name().is_some_and(|name| name == "main" || name.contains("::")) {
                 PANICS.fetch_add(1, Ordering::SeqCst);

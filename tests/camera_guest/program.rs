@@ -9,7 +9,7 @@ use std::io::Read;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Where the guest has it.
+/// Its path in the guest.
 const LIGHTCAST: &str = "/lightcast";
 
 fn lightcast(arguments: &[&str]) -> Command {
@@ -72,7 +72,7 @@ fn program_records_so_many_frames() {
     assert_eq!(again.status.code(), Some(2), "a recording is not written over");
 }
 
-/// The program runs, its camera is pulled out and put back, and a signal ends it.
+/// The program runs, its camera is unplugged and plugged in again, and a signal ends it.
 #[test]
 #[ignore = "needs the guest: make test-camera"]
 fn program_runs_on_after_a_loss_and_ends_on_a_signal() {

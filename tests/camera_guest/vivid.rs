@@ -1,5 +1,5 @@
-//! vivid, the kernel's own test driver: its HDMI output looped to its HDMI input, and the faults that it can
-//! be told to have.
+//! vivid, the kernel's own test driver: its HDMI output looped to its HDMI input, and the faults that can be
+//! injected into it.
 
 use crate::kernel::{Layout, Node};
 use crate::loopback::wait;
@@ -7,12 +7,12 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Faults, each a control of the capture side.
+/// Faults, each of which is a control of the capture side.
 #[derive(Clone, Copy, Debug)]
 pub enum Fault {
     /// The next buffer carries the error flag.
     BufferError,
-    /// So many per cent of the buffers are lost.
+    /// This percentage of the buffers is lost.
     DroppedPercent(i32),
     /// The next STREAMON fails.
     StreamOn,
@@ -22,13 +22,13 @@ pub enum Fault {
     Queue,
     /// The stream ends until it is started again.
     Fatal,
-    /// The device is gone as if it were pulled out.
+    /// The device disappears as if it were unplugged.
     Disconnect,
     /// From the next start on the sequence numbers wrap around after 128 frames.
     WrapSequence,
 }
 
-/// Names of the device nodes by what sysfs calls them, such as `vivid-000-vid-cap`.
+/// Path of the device node with this name in sysfs, such as `vivid-000-vid-cap`.
 fn find(name: &str) -> Option<PathBuf> {
     fs::read_dir("/sys/class/video4linux").ok()?.flatten().find_map(|entry| {
         let known = fs::read_to_string(entry.path().join("name")).ok()?;
@@ -46,12 +46,12 @@ pub fn output_path() -> Option<PathBuf> {
     find("vivid-000-vid-out")
 }
 
-/// Takes the driver from its device; readers see the device go.
+/// Unbinds the driver from its device; readers see the device disappear.
 pub fn unplug() {
     fs::write("/sys/bus/platform/drivers/vivid/unbind", "vivid.0").unwrap();
 }
 
-/// Gives the device back to the driver, with all controls at their defaults.
+/// Binds the driver to the device again, with all controls at their defaults.
 pub fn plug() {
     fs::write("/sys/bus/platform/drivers/vivid/bind", "vivid.0").unwrap();
     let start = Instant::now();
@@ -61,7 +61,7 @@ pub fn plug() {
     }
 }
 
-/// A device as new.
+/// Resets the device to its initial state.
 pub fn fresh() {
     if capture_path().is_some() {
         unplug();
@@ -69,7 +69,7 @@ pub fn fresh() {
     plug();
 }
 
-/// Makes the capture side have `fault`.
+/// Injects `fault` into the capture side.
 pub fn inject(fault: Fault) {
     let node = Node::open(&capture_path().unwrap()).unwrap();
     let (name, value) = match fault {
@@ -88,14 +88,13 @@ pub fn inject(fault: Fault) {
 /// The output side, streaming.
 pub struct Output {
     node: Node,
-    /// Buffers that the driver has had.
+    /// Buffers that were queued so far.
     queued: u32,
     count: u32,
 }
 
 impl Output {
-    /// Loops output to input with nothing drawn over it, and fixes the format. The capturing side sets the
-    /// same.
+    /// Loops output to input without an overlay, and fixes the format. The capturing side sets the same.
     pub fn open(layout: Layout) -> Self {
         let capture = Node::open(&capture_path().unwrap()).unwrap();
         capture.set_control("Loop Video", 1).unwrap();
@@ -106,10 +105,10 @@ impl Output {
         Self { node, queued: 0, count }
     }
 
-    /// Shows `picture` until the next one: the driver keeps the last buffer that it has.
+    /// Shows `picture` until the next one: the driver keeps its last buffer.
     pub fn show(&mut self, picture: &'static [u8]) {
         if self.queued == 0 {
-            // The driver wants two buffers before it starts.
+            // The driver requires two buffers before it starts.
             for index in 0..2 {
                 self.node.queue_output(index, picture).unwrap();
             }
@@ -127,7 +126,7 @@ impl Output {
 
 impl Drop for Output {
     fn drop(&mut self) {
-        // A device that was pulled out has ended its stream already.
+        // A device that was unplugged has already ended its stream.
         let _gone = self.node.stream_output(false);
     }
 }

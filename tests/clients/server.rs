@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, ChildStderr, Command, Stdio};
 
-/// A program that is ended when the test is.
+/// A program that is ended with the test.
 pub struct Guard(pub Child);
 
 impl Drop for Guard {
@@ -16,10 +16,11 @@ impl Drop for Guard {
 
 /// A running server.
 pub struct Server {
-    /// Where its stream is, `ws://127.0.0.1:PORT/ws`.
+    /// Address of its stream, `ws://127.0.0.1:PORT/ws`.
     pub url: String,
     _guard: Guard,
-    /// Open as long as it runs: it has little to say to a few clients, and a pipe has room for that.
+    /// Kept open as long as it runs: with a few clients it writes so few messages that they fit into the
+    /// pipe.
     _messages: BufReader<ChildStderr>,
 }
 

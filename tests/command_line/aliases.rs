@@ -1,4 +1,4 @@
-//! What options and keys were called before, which scripts still use.
+//! Former names of options and keys, which scripts still use.
 
 use crate::recording::{Recording, lightcast, panorama, stderr};
 use lightcast::files::write_exr;

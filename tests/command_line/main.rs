@@ -1,4 +1,4 @@
-//! The command line as its users type it: every command with every input, and the spellings of before.
+//! The command line as its users type it: every command with every input, and former spellings.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 mod aliases;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// What a command is given.
+/// The kinds of input.
 const INPUTS: [&str; 7] = [
     "panorama",
     "numbered panoramas",
@@ -21,16 +21,16 @@ const INPUTS: [&str; 7] = [
     "`-`, panorama",
 ];
 
-/// What is to come of an input.
+/// The expected result of a command on an input.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Cell {
-    /// It ends well and gives what the row says.
+    /// It succeeds and writes the output of the row.
     Yes,
-    /// It does not end by itself: a request to end it is answered when it has given what the row says.
+    /// It does not end by itself: it is asked to end once it has written the output of the row, and succeeds.
     Endless,
-    /// It takes the input, but takes minutes: only looked at by hand.
+    /// It accepts the input, but takes minutes: only tested by hand.
     Long,
-    /// It is refused by name, with these words.
+    /// It is refused with an error that names the input and has these words.
     No(&'static str),
 }
 
@@ -38,11 +38,11 @@ use Cell::{Endless, Long, No, Yes};
 
 /// A command with an output.
 struct Row {
-    /// As the documentation shows it.
+    /// The command as shown in the documentation.
     shown: &'static str,
     /// `INPUT` and `OUT/` stand for an input and a folder.
     words: &'static str,
-    /// File in `OUT/` that is there afterwards; none: standard output says something.
+    /// File in `OUT/` that exists afterwards; empty: the command writes to standard output.
     made: &'static str,
     needs_gpu: bool,
     cells: [Cell; INPUTS.len()],
@@ -200,7 +200,7 @@ const ROWS: &[Row] = &[
     },
 ];
 
-/// What `watch` takes.
+/// The inputs of `watch`.
 const WATCHED: [Cell; INPUTS.len()] = [
     No("of one panorama no lists come"),
     No("its lists have yet to be made"),
@@ -274,7 +274,7 @@ fn every_command_takes_every_input_or_refuses_it_by_name() {
     }
 }
 
-/// Bytes of a file, or things in a folder.
+/// Bytes of a file, or number of entries of a folder.
 fn size(path: &Path) -> u64 {
     match fs::read_dir(path) {
         Ok(entries) => entries.count() as u64,
@@ -282,7 +282,7 @@ fn size(path: &Path) -> u64 {
     }
 }
 
-/// Ends a command by a signal when it has made something; it must end well.
+/// Ends a command by a signal once it has written something; it must succeed.
 fn end_when_made(command: &mut Command, made: &Path) {
     let mut child = command.stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
     let started = Instant::now();
@@ -290,6 +290,7 @@ fn end_when_made(command: &mut Command, made: &Path) {
         assert!(started.elapsed() < Duration::from_secs(120), "{command:?} makes nothing");
         Shutdown::new().wait(Duration::from_millis(20));
     }
+    // It may have ended by itself already.
     assert!(child.try_wait().unwrap().is_none(), "{command:?} has ended by itself");
     let _ = Command::new("sh").args(["-c", &format!("kill -TERM {}", child.id())]).status();
     assert_eq!(child.wait().unwrap().code(), Some(0), "{command:?}");
@@ -316,7 +317,7 @@ impl Given {
         self.recording.path().join(name)
     }
 
-    /// An input as it stands on the command line.
+    /// An input as written on the command line.
     fn word(&self, index: usize) -> String {
         let path = match index {
             0 => self.at("garden.exr"),
@@ -329,7 +330,7 @@ impl Given {
         path.to_str().unwrap().to_owned()
     }
 
-    /// What messages call it.
+    /// Its name in messages.
     fn name(&self, index: usize) -> String {
         if index < 5 { self.word(index) } else { "standard input".to_owned() }
     }

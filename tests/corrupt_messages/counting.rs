@@ -1,22 +1,22 @@
-//! An allocator that counts what every thread asks for.
+//! An allocator that counts the bytes requested by every thread.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 thread_local! {
-    /// Bytes that this thread has asked for.
+    /// Bytes that this thread has requested.
     static ASKED: Cell<usize> = const { Cell::new(0) };
 }
 
 struct Counting;
 
 fn count(bytes: usize) {
-    // A thread that ends has no thread-local values any more.
+    // A thread that is ending has no thread-local values any more.
     let _ = ASKED.try_with(|asked| asked.set(asked.get() + bytes));
 }
 
 #[expect(unsafe_code, reason = "an allocator cannot be written otherwise; it only forwards to the system's")]
-// SAFETY: every call goes to the system allocator with the caller's own arguments; counting touches a
+// SAFETY: every call is forwarded to the system allocator with the caller's own arguments; counting uses a
 // const-initialised thread-local `Cell` without destructor, which neither allocates nor unwinds.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -46,7 +46,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What `work` gives, and the bytes that it asked for; what was given back meanwhile counts too.
+/// The result of `work`, and the bytes that it requested, including those that were freed meanwhile.
 pub fn counted<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = ASKED.get();
     let result = work();

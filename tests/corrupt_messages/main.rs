@@ -1,7 +1,7 @@
-//! Damaged messages: whatever comes from the network, taking it apart neither panics nor takes more memory
-//! than a small multiple of its length.
+//! Damaged messages: whatever comes from the network, decoding it neither panics nor takes more memory than a
+//! small multiple of its length.
 //!
-//! Every decoder gets mutations of sound messages and made-up bytes, with fixed seeds. Environment variable
+//! Every decoder gets mutations of valid messages and random bytes, with fixed seeds. Environment variable
 //! `LIGHTCAST_FUZZ_INPUTS`: how many inputs in total; `make fuzz` runs ten million.
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
@@ -16,13 +16,14 @@ use lightcast_core::light::{Light, LightList, MAX_LIGHTS};
 use mutation::{XorShift, mutate, shown};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Inputs in total where nothing is said: some seconds.
+/// Default number of inputs in total, which takes some seconds.
 const INPUTS: usize = 1_000_000;
 
-/// Bytes that a decoder may ask for beside a multiple of its input: what an error says, serde's scratch.
+/// Bytes that a decoder may request in addition to a multiple of its input: the text of an error, serde's
+/// scratch memory.
 const FEW_BYTES: usize = 1024;
 
-/// Where decoders put what they take.
+/// The output of the decoders.
 #[derive(Default)]
 struct Taken {
     message: Message,
@@ -32,18 +33,18 @@ struct Taken {
 /// A decoder under test.
 struct Target {
     name: &'static str,
-    /// Sound messages, all of which are taken.
+    /// Valid messages, all of which are accepted.
     sound: Vec<Vec<u8>>,
-    /// What messages are made of: a mutation puts one of these in.
+    /// Fragments of messages, which mutations insert.
     pieces: &'static [&'static str],
-    /// Bytes that may be asked for, for every byte of the input.
+    /// Bytes that may be requested for every byte of the input.
     asked_per_byte: usize,
     decode: fn(&[u8], &mut Taken) -> Result<()>,
-    /// What is wrong with what was taken, or with the error of what was not.
+    /// Describes what is wrong with a decoded message, or with the error of a rejected one.
     fault: fn(&Result<()>, &Taken) -> Option<String>,
 }
 
-/// Whether an input is taken; fails with the input where something is wrong.
+/// Whether an input is accepted; fails with the input where something is wrong.
 fn decode(target: &Target, input: &[u8], taken: &mut Taken) -> bool {
     let limit = target.asked_per_byte * input.len() + FEW_BYTES;
     let (result, asked) = counted(|| catch_unwind(AssertUnwindSafe(|| (target.decode)(input, taken))));
@@ -73,17 +74,17 @@ fn survive(target: &Target, seed: u64) {
         mutate(&mut input, &target.sound, target.pieces, &mut random);
         bytes += input.len();
         if number % 4 == 0 {
-            taken = Taken::default(); // no storage to use again
+            taken = Taken::default(); // no storage to reuse
         }
         sound += usize::from(decode(target, &input, &mut taken));
     }
     let mean = bytes / inputs.max(1);
     eprintln!("{}: {inputs} inputs of {mean} bytes on average, {sound} of them sound", target.name);
-    // Some mutations hit nothing that matters, none of them all.
+    // Some mutations have no effect, but not all of them.
     assert!(0 < sound && sound < inputs, "{}: {sound} of {inputs}", target.name);
 }
 
-/// What is wrong with a message that was taken.
+/// Describes what is wrong with an accepted message.
 fn fault_in(message: &Message) -> Option<String> {
     let list = &message.list;
     let lights_sound = list.lights.iter().all(|light| {
@@ -109,7 +110,7 @@ fn fault_in(message: &Message) -> Option<String> {
     all.iter().find(|(is_sound, _)| !is_sound).map(|(_, fault)| (*fault).to_owned())
 }
 
-/// Lists with some, one and no light.
+/// Lists with several lights, one light and none.
 fn lists() -> Vec<LightList> {
     let mut random = XorShift(17);
     [12, 1, 0]
@@ -155,7 +156,7 @@ fn mutated_binary_messages_never_panic() {
         name: "binary",
         sound: sound.collect(),
         pieces: &["LCL\u{1}x\0", "LCL\u{1}", "\0\0"],
-        // A light has 14 bytes there and 32 here.
+        // A light has 14 bytes in the message and 32 in memory.
         asked_per_byte: 3,
         decode: |bytes, taken| binary::decode(bytes, &mut taken.message),
         fault: |result, taken| match result {
@@ -205,7 +206,8 @@ fn mutated_json_messages_never_panic() {
             "\"prefix_errors\":[[1,0.5],",
             "[0,0],[0,0],[0,0],[0,0],",
         ],
-        // Lists grow by doubling: a pair of 8 bytes is written in 6 at least, a light of 32 in 64.
+        // Lists grow by doubling: a pair of 8 bytes takes at least 6 bytes of text, a light of 32 bytes at
+        // least 64.
         asked_per_byte: 6,
         decode: |bytes, taken| json::decode(bytes, &mut taken.message),
         fault: |result, taken| result.as_ref().ok().and_then(|()| fault_in(&taken.message)),
@@ -213,7 +215,8 @@ fn mutated_json_messages_never_panic() {
     survive(&target, 0xd1b5_4a32_d192_ed03);
 }
 
-/// A subscription that was taken is written and taken again, and chooses no more lights than there are.
+/// Checks that an accepted subscription can be written and read again, and selects no more lights than there
+/// are.
 fn subscription_fault(result: &Result<()>, taken: &Taken) -> Option<String> {
     result.as_ref().ok()?;
     let subscription = taken.subscription;
@@ -235,8 +238,8 @@ fn mutated_queries_never_panic() {
             "&", "=", "%", "%00", "%ff", "+", "lights=", "rate_hz=", "error=", "queue=", "1e999", "nan",
             "inf", "-0",
         ],
-        // Text is made of the bytes, keys and values are decoded one by one, and an error says one of them
-        // again.
+        // The bytes are converted to text, keys and values are decoded one by one, and an error quotes one of
+        // them.
         asked_per_byte: 12,
         decode: |bytes, taken| {
             taken.subscription = Subscription::from_query(&String::from_utf8_lossy(bytes))?;
@@ -288,7 +291,7 @@ fn mutated_subscriptions_never_panic() {
     survive(&target, 0x2545_f491_4f6c_dd1d);
 }
 
-/// What would grow most: values that are short as text, in keys that are known and in others.
+/// The inputs with the largest growth: values that are short as text, under known and unknown keys.
 #[test]
 fn long_messages_take_a_small_multiple_of_their_length() {
     let stamp = r#""version":1,"sequence":1,"capture_time_ns":0,"lost_before":0,"frame_rate_hz":25.0"#;

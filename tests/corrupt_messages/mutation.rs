@@ -16,8 +16,8 @@ impl XorShift {
     }
 }
 
-/// Changes some bytes, puts pieces in, takes ranges out or doubles them, or cuts; every eighth time all is
-/// made up.
+/// Changes some bytes, inserts pieces, removes or duplicates ranges, or truncates; every eighth time the
+/// whole input is random.
 pub fn mutate(input: &mut Vec<u8>, sound: &[Vec<u8>], pieces: &[&str], random: &mut XorShift) {
     input.clear();
     if random.below(8) == 0 {
@@ -33,7 +33,7 @@ pub fn mutate(input: &mut Vec<u8>, sound: &[Vec<u8>], pieces: &[&str], random: &
     }
     input.extend_from_slice(&sound[random.below(sound.len())]);
     for _ in 0..1 + random.below(4) * random.below(2) {
-        // The heads of binary messages are where lengths are: half of the time they are hit.
+        // The headers of binary messages hold lengths: half of the mutations are there.
         let range = if random.below(2) == 0 { input.len() } else { input.len().min(160) };
         if range == 0 {
             return;
@@ -66,7 +66,7 @@ pub fn mutate(input: &mut Vec<u8>, sound: &[Vec<u8>], pieces: &[&str], random: &
     }
 }
 
-/// The input as it can be put into a test.
+/// The input as a literal that can be pasted into a test.
 pub fn shown(input: &[u8]) -> String {
     format!("{} bytes: b\"{}\"", input.len(), input.escape_ascii())
 }

@@ -1,16 +1,15 @@
-//! Circles of files: files each of which needs the others to be understood. A parent and its own child may
-//! use each other.
+//! Circular dependencies between files. A parent and its own child may use each other.
 
 use crate::source::Module;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A module by its names from the root on.
+/// Path of a module from the root.
 type Name = Vec<String>;
 
-/// As many re-exports are followed before a name is taken to be one of a chain without end.
+/// Number of re-exports that are followed before a chain of them is taken to be endless.
 const REEXPORTS_MAX: usize = 16;
 
-/// The circles of a crate: of each, all files that reach each other, by the modules' names.
+/// The circles of a crate: each is the set of files that reach each other, given by the modules' names.
 pub fn circles(modules: &[Module]) -> Vec<Vec<String>> {
     let by_name: BTreeMap<&[String], &Module> =
         modules.iter().map(|module| (&module.path[..], module)).collect();
@@ -42,7 +41,7 @@ pub fn circles(modules: &[Module]) -> Vec<Vec<String>> {
     found
 }
 
-/// The module whose file `module` stands in.
+/// The module whose file contains `module`.
 fn file(module: &Module) -> Name {
     module.path[..module.file_depth].to_vec()
 }
@@ -51,7 +50,7 @@ fn is_own_child(parent: &Name, child: &Name) -> bool {
     child.len() == parent.len() + 1 && child.starts_with(parent)
 }
 
-/// All that is reached from a file, itself only by a circle.
+/// All files that are reachable from a file; itself only through a circle.
 fn reach<'a>(edges: &'a BTreeMap<Name, BTreeSet<Name>>, from: &Name) -> BTreeSet<&'a Name> {
     let mut reached: BTreeSet<&Name> = BTreeSet::new();
     let mut open: Vec<&Name> = edges[from].iter().collect();
@@ -63,8 +62,8 @@ fn reach<'a>(edges: &'a BTreeMap<Name, BTreeSet<Name>>, from: &Name) -> BTreeSet
     reached
 }
 
-/// The module that has the item which `path` means in the module `from`: re-exports are followed to where the
-/// item stands. `None` for what is of another crate.
+/// The module of the item to which `path` refers in the module `from`: re-exports are followed to the item's
+/// definition. `None` for items of another crate.
 fn resolve(
     modules: &BTreeMap<&[String], &Module>,
     from: &[String],

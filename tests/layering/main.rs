@@ -1,4 +1,5 @@
-//! Holds the code of both packages to the tables of rooms in `ARCHITECTURE.md`, and finds circles of files.
+//! Checks the code of both packages against the tables of rooms in `ARCHITECTURE.md`, and finds circular
+//! dependencies between files.
 
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
@@ -20,7 +21,7 @@ fn every_import_is_one_that_the_tables_allow() {
     assert!(faults.is_empty(), "{}\nThe tables are in ARCHITECTURE.md.", faults.join("\n"));
 }
 
-/// What the files in `source` import against the table in `page`, which has more than `least` rooms.
+/// Imports of the files in `source` that violate the table in `page`, which has more than `least` rooms.
 fn faults_of(source: &Path, page: &str, least: usize) -> Vec<String> {
     let rooms = parse_table(page);
     assert!(rooms.len() > least, "the table was not understood: {rooms:?}");

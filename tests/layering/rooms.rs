@@ -4,7 +4,7 @@
 use crate::source::Module;
 use std::collections::BTreeMap;
 
-/// One row's worth of knowledge about a room.
+/// The rules for a room, from its row of the table.
 #[derive(Debug, PartialEq)]
 pub struct Room {
     floor: u32,
@@ -48,8 +48,8 @@ pub fn fault(rooms: &Rooms, from: &str, to: &str) -> Option<String> {
     })
 }
 
-/// Names directly under the crate's root that a module refers to: those after `crate::`, or after as many
-/// `super::` as lead to the root. A glob of the root, which would hide the rooms that are meant, is `*`.
+/// Names directly under the crate's root to which a module refers: those after `crate::`, or after enough
+/// `super::` to reach the root. A glob import of the root, which would hide the actual rooms, is `*`.
 pub fn used(module: &Module) -> Vec<String> {
     let from_root = |path: &Vec<String>| {
         let climbed = path.iter().take_while(|name| *name == "super").count();

@@ -1,22 +1,23 @@
-//! What Rust files declare and use. Sources are read as tokens, so comments and strings do not count and
-//! paths inside macro calls do. Items under `#[cfg(test)]` are left out.
+//! Declarations and uses in Rust files. Sources are parsed as tokens, so comments and strings do not count,
+//! but paths inside macro calls do. Items under `#[cfg(test)]` are left out.
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A module: a file, or what stands in braces after `mod name`.
+/// A module: a file, or the block in braces after `mod name`.
 #[derive(Debug, Default)]
 pub struct Module {
-    /// Names from the crate's root on, as in `["light", "list"]`; empty for the root.
+    /// Path from the crate's root, such as `["light", "list"]`; empty for the root.
     pub path: Vec<String>,
-    /// Names in front of its file, of which it is a part if it stands in braces: `path.len()` for a file.
+    /// Length of the path of its file, in which it is nested if it is an inline module; `path.len()` for a
+    /// file.
     pub file_depth: usize,
     /// Modules that it declares.
     pub children: Vec<String>,
     /// Modules that it declares for tests.
     pub test_children: Vec<String>,
-    /// What `use` brings in: the name here, and its path as written.
+    /// Imports by `use`: the name here, and its path as written.
     pub imports: Vec<(String, Vec<String>)>,
     /// Other paths of two or more names, as written.
     pub paths: Vec<Vec<String>>,
@@ -29,7 +30,7 @@ impl Module {
     }
 }
 
-/// The modules of the crate whose files lie in `folder`, but for those that are only there for tests.
+/// The modules of the crate whose files lie in `folder`, except those that exist only for tests.
 pub fn read_crate(folder: &Path) -> Vec<Module> {
     let mut files = Vec::new();
     rust_files(folder, &mut files);
@@ -37,7 +38,7 @@ pub fn read_crate(folder: &Path) -> Vec<Module> {
     let mut modules = Vec::new();
     for file in files {
         let relative = file.strip_prefix(folder).expect("it was found there");
-        // A program beside a library has the library's rooms through its name.
+        // A program next to a library uses the library's rooms through the library's name.
         if relative != Path::new("main.rs") || !folder.join("lib.rs").exists() {
             modules.extend(read(&fs::read_to_string(&file).unwrap(), module_path(relative)));
         }
@@ -50,7 +51,7 @@ pub fn read_crate(folder: &Path) -> Vec<Module> {
     modules
 }
 
-/// Reads the file of the module `path`: the module itself, then those that stand in it in braces.
+/// Reads the file of the module `path`: the module itself, then its inline modules.
 pub fn read(source: &str, path: Vec<String>) -> Vec<Module> {
     let tokens: TokenStream = source.parse().expect("the sources compile");
     let file_depth = path.len();
@@ -86,14 +87,14 @@ fn walk(tokens: TokenStream, module: usize, modules: &mut Vec<Module>) {
                     at += 2;
                 }
             }
-            // `use<'a>` of an opaque type brings nothing in.
+            // `use<'a>` of an opaque type imports nothing.
             TokenTree::Ident(word) if word == "use" && !is_punct(tokens.get(at), '<') => {
                 let end = (at..tokens.len()).find(|&end| is_punct(tokens.get(end), ';'));
                 let end = end.unwrap_or(tokens.len());
                 imports(&tokens[at..end], &[], &mut modules[module].imports);
                 at = end;
             }
-            // `pub(in path)` says who sees an item.
+            // `pub(in path)` is a visibility, not a use.
             TokenTree::Ident(word) if word == "in" && at == 1 => break,
             TokenTree::Ident(word) => {
                 let mut path = vec![word.to_string()];
@@ -106,8 +107,8 @@ fn walk(tokens: TokenStream, module: usize, modules: &mut Vec<Module>) {
                     modules[module].paths.push(path);
                 }
             }
-            // What follows a leading `::` is the name of a crate, what follows `Type::<T>` or `<T>` an item
-            // of the type.
+            // A leading `::` is followed by the name of a crate, `Type::<T>` and `<T>` by an item of the
+            // type.
             TokenTree::Punct(_) if is_colons(&tokens, at - 1) => {
                 at += 1;
                 while let Some(TokenTree::Ident(_)) = tokens.get(at) {
@@ -119,7 +120,7 @@ fn walk(tokens: TokenStream, module: usize, modules: &mut Vec<Module>) {
     }
 }
 
-/// Reads a tree of imports behind the names of `head`.
+/// Reads a tree of imports after the path `head`.
 fn imports(tokens: &[TokenTree], head: &[String], found: &mut Vec<(String, Vec<String>)>) {
     let mut path = head.to_vec();
     let mut at = 0;
@@ -139,7 +140,7 @@ fn imports(tokens: &[TokenTree], head: &[String], found: &mut Vec<(String, Vec<S
                 }
                 return;
             }
-            // What a glob brings in is not known; that it uses the module is.
+            // The names that a glob imports are unknown, but it does use the module.
             TokenTree::Punct(star) if star.as_char() == '*' => {
                 found.push(("*".to_owned(), path));
                 return;
@@ -202,7 +203,7 @@ fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Module of a file of a crate, as in `["light", "list"]`; empty for `lib.rs` and `main.rs`.
+/// Module path of a file of a crate, such as `["light", "list"]`; empty for `lib.rs` and `main.rs`.
 fn module_path(relative: &Path) -> Vec<String> {
     let mut path: Vec<String> =
         relative.with_extension("").iter().map(|part| part.to_str().unwrap().to_owned()).collect();

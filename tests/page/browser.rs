@@ -1,4 +1,4 @@
-//! A browser without a screen, and what its pages may say.
+//! A headless browser, driven by the tests.
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
@@ -12,7 +12,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// A test that waits longer than this waits for ever; the machine may be busy with much else.
+/// A test that waits longer than this would wait for ever; the machine may be busy with other work.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Waits a little.
@@ -30,7 +30,7 @@ impl Drop for Guard {
     }
 }
 
-/// A driver with its browsers, all of one group of processes: a browser outlives a driver that is killed.
+/// A driver with its browsers, all in one process group: a browser outlives a driver that is killed.
 struct Driver {
     group: u32,
     _child: Guard,
@@ -42,7 +42,7 @@ impl Drop for Driver {
     }
 }
 
-/// A session with one tab, over the protocol of browsers (W3C WebDriver): JSON over HTTP.
+/// A session with one tab, over the W3C WebDriver protocol: JSON over HTTP.
 pub struct Browser {
     port: u16,
     session: String,
@@ -50,7 +50,7 @@ pub struct Browser {
     _profile: TempDir,
 }
 
-/// The driver and its port; why there is none.
+/// The driver and its port; the error says why there is none.
 fn driver() -> Result<(Driver, u16), &'static str> {
     let version = Command::new("chromium").arg("--version").stderr(Stdio::null()).output();
     if !version.is_ok_and(|output| output.status.success()) {
@@ -70,12 +70,12 @@ fn driver() -> Result<(Driver, u16), &'static str> {
         let line = line.unwrap();
         line.split_once("started successfully on port ")?.1.trim_end_matches('.').parse().ok()
     });
-    // Nothing else is read from it: it says no more.
+    // Nothing else is read from it: it writes no more.
     Ok((driver, port.expect("chromedriver says its port")))
 }
 
 impl Browser {
-    /// Says why where there is none.
+    /// Starts a browser; the error says why there is none.
     pub fn start() -> Result<Self, &'static str> {
         let (driver, port) = driver()?;
         let profile = tempfile::tempdir().unwrap();
@@ -104,7 +104,7 @@ impl Browser {
         Ok(browser)
     }
 
-    /// Sends a request to the driver; the `value` of its answer.
+    /// Sends a request to the driver; returns the `value` of its answer.
     #[track_caller]
     fn request(&self, method: &str, path: &str, body: Option<&Value>) -> Value {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
@@ -138,7 +138,7 @@ impl Browser {
         answer["value"].take()
     }
 
-    /// A command to the session.
+    /// Sends a command to the session.
     #[track_caller]
     fn post(&self, path: &str, body: &Value) -> Value {
         self.request("POST", &format!("/session/{}/{path}", self.session), Some(body))
@@ -154,29 +154,29 @@ impl Browser {
         self.post("refresh", &json!({}));
     }
 
-    /// The path of the element of this id.
+    /// The path of the element with this id.
     fn element(&self, id: &str) -> String {
         let found = self.post("element", &json!({ "using": "css selector", "value": format!("#{id}") }));
         let (_, reference) = found.as_object().unwrap().iter().next().unwrap();
         format!("element/{}", reference.as_str().unwrap())
     }
 
-    /// Presses keys with the element of this id in focus.
+    /// Presses keys with the element with this id in focus.
     pub fn press(&self, id: &str, keys: &str) {
         self.post(&format!("{}/value", self.element(id)), &json!({ "text": keys }));
     }
 
-    /// Empties the field of this id.
+    /// Clears the field with this id.
     pub fn clear(&self, id: &str) {
         self.post(&format!("{}/clear", self.element(id)), &json!({}));
     }
 
-    /// Runs a script that gets `arguments` and a function to call with its result, which is given.
+    /// Runs a script that gets `arguments` and a function to call with its result, which is returned.
     pub fn run(&self, script: &str, arguments: &Value) -> Value {
         self.post("execute/async", &json!({ "script": script, "args": arguments }))
     }
 
-    /// Shows the page on a screen of this size, in the pixels of style sheets.
+    /// Shows the page on a screen of this size, in CSS pixels.
     pub fn resize(&self, width: u32, height: u32, is_phone: bool) {
         let metrics = json!({
             "width": width, "height": height, "deviceScaleFactor": if is_phone { 2 } else { 1 }, "mobile": is_phone,
@@ -185,7 +185,7 @@ impl Browser {
         self.post("goog/cdp/execute", &body);
     }
 
-    /// What a JavaScript expression is.
+    /// The value of a JavaScript expression.
     pub fn value(&self, expression: &str) -> Value {
         self.post("execute/sync", &json!({ "script": format!("return {expression}"), "args": [] }))
     }
@@ -210,7 +210,7 @@ impl Browser {
         entries.filter(|entry| entry["level"] == "SEVERE").map(|entry| entry["message"].to_string()).collect()
     }
 
-    /// Saves what the page looks like, and gives it.
+    /// Saves a screenshot of the page, and returns it.
     pub fn picture(&self, file: &Path) -> image::RgbImage {
         std::fs::create_dir_all(file.parent().unwrap()).unwrap();
         let encoded = self.request("GET", &format!("/session/{}/screenshot", self.session), None);

@@ -1,4 +1,4 @@
-//! The page and the JavaScript client in a browser, as their users see them. Pictures of the page go to
+//! The page and the JavaScript client in a browser, as their users see them. Screenshots are written to
 //! `target/page`.
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
@@ -71,13 +71,13 @@ fn the_numbers_of_the_server_are_shown(browser: &Browser) {
         );
         browser.until(&row);
     }
-    // A replay at its own rate knows its capture times; on one machine a list is not seconds old.
+    // A replay at its own rate has capture times; on one machine a list is less than a few seconds old.
     browser.until("parseFloat(document.getElementById('age').textContent) < 5000");
     browser.until("parseFloat(document.getElementById('rate').textContent) > 1");
     browser.until("document.getElementById('delay').textContent === '160 ms'");
 }
 
-/// Nothing is wider than the screen, and both pictures show more than their backgrounds.
+/// Checks that nothing is wider than the screen, and that both pictures show more than their backgrounds.
 fn it_fits_and_is_drawn(browser: &Browser) {
     for ((width, height), name, is_phone) in [(WIDE, "wide", false), (NARROW, "narrow", true)] {
         browser.resize(width, height, is_phone);
@@ -86,7 +86,7 @@ fn it_fits_and_is_drawn(browser: &Browser) {
             const box = e.getBoundingClientRect(); return box.left < 0 || box.right > innerWidth; }).map((e) => e.id || e.tagName)";
         assert_eq!(browser.value(beyond), json!([]), "{name}");
         if is_phone {
-            // All of it in one picture.
+            // The whole page in one picture.
             let whole = browser.value("document.documentElement.scrollHeight").as_u64().unwrap();
             browser.resize(width, u32::try_from(whole).unwrap(), true);
         }
@@ -104,7 +104,7 @@ fn it_fits_and_is_drawn(browser: &Browser) {
     browser.resize(WIDE.0, WIDE.1, false);
 }
 
-/// Number of colours in the part of a picture of the page that shows an element.
+/// Number of colours in the part of a screenshot that shows an element.
 fn colours_in(browser: &Browser, picture: &image::RgbImage, element: &str, width: u32) -> usize {
     let expression = format!(
         "(({{x, y, width, height}}) => [x, y, width, height])(document.getElementById('{element}').getBoundingClientRect())"
@@ -131,8 +131,8 @@ fn the_slider_changes_the_number_of_lights(browser: &Browser) {
     browser.until("document.body.dataset.lights === '64'");
 }
 
-/// The least of the errors that are shown for a while: where the sequence begins again, the light jumps, and
-/// the error too.
+/// The smallest of the errors shown over some time: where the sequence restarts, the light jumps, and so does
+/// the error.
 fn least_error(browser: &Browser) -> f64 {
     let mut least = f64::INFINITY;
     for _ in 0..30 {
@@ -143,7 +143,7 @@ fn least_error(browser: &Browser) -> f64 {
     least
 }
 
-/// What is wrong in bytes of the message that pins the protocol, and what the client says of it.
+/// Damaged versions of the message that pins the protocol, and the client's error for each.
 fn malformed(golden: &[u8]) -> Vec<(Vec<u8>, &'static str)> {
     let patches: [(usize, &[u8], &str); 10] = [
         (0, b"l", "byte 0: does not begin with LCL"),
@@ -165,8 +165,8 @@ fn malformed(golden: &[u8]) -> Vec<(Vec<u8>, &'static str)> {
     patches.map(patched).into()
 }
 
-/// The message that pins the protocol is what its JSON says; one that is cut short is refused, and one that
-/// cannot be; lists come as JSON too.
+/// Checks that the message that pins the protocol decodes to its JSON, that truncated and invalid messages
+/// are refused, and that lists are also received as JSON.
 fn the_client_reads_messages(browser: &Browser) {
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
     let bytes = std::fs::read(golden.join("message.bin")).unwrap();
@@ -205,7 +205,7 @@ fn the_client_reads_messages(browser: &Browser) {
     assert_eq!(found["state"], "closed");
 }
 
-/// The same keys and values, numbers as near as JavaScript's and an f32's digits allow.
+/// Asserts the same keys and values, with numbers equal to the precision of JavaScript and f32.
 fn same(found: &Value, expected: &Value, place: &str) {
     match (found, expected) {
         (Value::Object(a), Value::Object(b)) => {
@@ -249,7 +249,7 @@ fn a_token_is_asked_for(browser: &Browser) {
     browser.press("token", &format!("{token}\n"));
     browser.until(LIVE);
     browser.until("Number(document.body.dataset.mapSequence) > 0");
-    // It is kept for the tab, and can be given in the address, where it does not stay.
+    // It is kept for the tab, and can be given in the address, from which it is removed.
     browser.reload();
     browser.until(LIVE);
     browser.value("sessionStorage.clear()");

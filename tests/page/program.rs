@@ -9,17 +9,17 @@ use tempfile::TempDir;
 
 /// A server, which is killed when it is dropped.
 pub struct Program {
-    /// Where it listens, as `127.0.0.1:40000`.
+    /// Address at which it listens, such as `127.0.0.1:40000`.
     pub address: String,
     guard: Option<Guard>,
-    /// Reads on, so that the program can write on.
+    /// Keeps reading, so that the program can keep writing.
     messages: Option<JoinHandle<()>>,
     _folder: TempDir,
 }
 
 impl Program {
-    /// Plays the bundled sequence again and again to `address`, where port 0 is any free one, to whoever
-    /// knows the token.
+    /// Serves the bundled sequence in a loop at `address`, where port 0 means any free port, to clients with
+    /// the token.
     pub fn start(address: &str, token: Option<&str>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let replay = Path::new(env!("CARGO_MANIFEST_DIR")).join("replay/day");

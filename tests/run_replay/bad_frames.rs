@@ -4,7 +4,8 @@ use lightcast_core::image::Pixels;
 use std::fs;
 use std::path::Path;
 
-/// Frame 4 cannot be used and is called `name`: the others come, and frame 5 says that one was lost.
+/// Checks that if frame 4, called `name`, is unusable, the others are delivered, and frame 5 reports one lost
+/// frame.
 fn frame_4_is_lost(recording: &Recording, expected: &str) {
     let output = recording.run();
     let messages = stderr(&output);
@@ -52,7 +53,7 @@ fn nan_negative_and_overflowed_half_pixels_of_a_file_are_counted_and_never_leave
     let recording = Recording::new(6);
     let mut frame = panorama(48, 24, 3);
     let Pixels::Radiance(values) = &mut frame.pixels else { panic!("codes") };
-    // Pixels of the upper half, which the map sees; 1e6 is more than a half float holds.
+    // Pixels of the upper half, which the map covers; 1e6 exceeds the range of half floats.
     for (row, column, value) in [(2, 7, f32::NAN), (3, 40, 1e6), (4, 0, -2.0), (11, 47, f32::NEG_INFINITY)] {
         values[3 * (row * 48 + column) + 1] = value;
     }
@@ -64,7 +65,7 @@ fn nan_negative_and_overflowed_half_pixels_of_a_file_are_counted_and_never_leave
     assert!(summary.contains("frame 3: 2 pixels negative"), "{summary}");
     let found = lists(&output.stdout);
     assert_eq!(found.len(), 6);
-    // JSON has no NaN: it would stand there as null.
+    // JSON has no NaN: it would be written as null.
     assert!(!String::from_utf8(output.stdout).unwrap().contains("null"));
     for list in &found {
         assert!(list["power"][1].as_f64().unwrap() > 0.0, "{list}");

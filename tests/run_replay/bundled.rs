@@ -20,8 +20,8 @@ fn the_bundled_sequence_plays_once_and_gives_the_lists_that_it_always_gave() {
     }
 }
 
-/// Numbers within 1e-6, relative where they are above 1: another C library may round logarithms and sines
-/// otherwise.
+/// Asserts that numbers agree within 1e-6, relative where they are above 1: another C library may round
+/// logarithms and sines differently.
 fn assert_alike(found: &Value, expected: &Value, place: &mut String) {
     let length = place.len();
     match (found, expected) {

@@ -14,7 +14,7 @@ fn fisheye(calibrated_side: usize, response: Response, camera_lines: &str) -> (T
     fisheye_from("", calibrated_side, response, camera_lines)
 }
 
-/// The same with more to say about the source.
+/// The same with additional configuration of the source.
 fn fisheye_from(
     source_lines: &str,
     calibrated_side: usize,
@@ -78,7 +78,7 @@ fn sensor_codes_through_a_lens_become_lights_where_the_lamp_is() {
         .max_by(|a, b| a["irradiance"][1].as_f64().unwrap().total_cmp(&b["irradiance"][1].as_f64().unwrap()))
         .unwrap();
     let [x, y, z] = [0, 1, 2].map(|axis| brightest["direction"][axis].as_f64().unwrap());
-    // Half a pixel is 1.4 degrees; the sky in the lamp's cell pulls little beside it.
+    // Half a pixel is 1.4 degrees; the sky in the lamp's cell shifts the direction much less.
     let angle_deg = x.atan2(y).to_degrees();
     assert!((angle_deg - 30.0).abs() < 3.0 && z.abs() < 0.05, "{x} {y} {z}: {angle_deg} degrees");
     let summary = stderr(&output);
@@ -114,7 +114,7 @@ fn a_response_in_the_configuration_serves_a_calibration_without_one() {
 
 #[test]
 fn a_mosaic_keeps_its_colours_from_file_to_list() {
-    // Row 32 and column 42 are even: the lamp is on a pixel of the first letter.
+    // Row 32 and column 42 are even: the lamp is on a pixel with the colour of the first letter.
     for (bayer, lit) in [("RGGB", 0), ("GRBG", 1), ("BGGR", 2)] {
         let (_folder, output) = fisheye_from(&format!("bayer = \"{bayer}\""), SIDE, linear(), "");
         assert!(output.status.success(), "{}", stderr(&output));

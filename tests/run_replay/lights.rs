@@ -40,7 +40,7 @@ fn lights_prints_one_list_of_the_whole_map() {
         if options.contains(&"--hemisphere") {
             assert!(is_upper, "{options:?}");
         } else if !options.contains(&"equal-power") {
-            // Equal-power lights may all stand in the sun.
+            // Equal-power lights may all lie in the sun.
             assert!(!is_upper, "{options:?}");
         }
     }

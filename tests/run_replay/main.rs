@@ -1,5 +1,5 @@
-//! The program on recorded sequences: same bytes on every run, bad files, wrong configurations, signals;
-//! reports.
+//! The program on recorded sequences: identical output on every run, bad files, wrong configurations,
+//! signals; reports.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 mod bad_frames;

@@ -13,7 +13,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// `count` panoramas of 48 x 24: a sun that goes round over a sky that pulses.
+    /// `count` panoramas of 48 x 24: a rotating sun over a pulsing sky.
     pub fn new(count: u64) -> Self {
         let recording = Self { folder: tempfile::tempdir().unwrap() };
         for number in 0..count {
@@ -56,7 +56,7 @@ impl Recording {
     }
 }
 
-/// A panorama of given size at a time; also for frames that do not fit.
+/// A panorama of a given size at a time; also used for frames of the wrong size.
 pub fn panorama(width: usize, height: usize, time: u64) -> Frame {
     let mut values = Vec::new();
     for row in 0..height {
@@ -70,14 +70,14 @@ pub fn panorama(width: usize, height: usize, time: u64) -> Frame {
     Frame { width, height, channels: 3, pixels: Pixels::Radiance(values), ..Frame::default() }
 }
 
-/// The program, with nothing of the caller's environment that changes what it says.
+/// The program, without environment variables of the caller that change its messages.
 pub fn lightcast() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lightcast"));
     command.env_remove("RUST_LOG").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
-/// The light lists of an output, and that each is a whole line.
+/// The light lists of an output; asserts that each is a complete line.
 pub fn lists(stdout: &[u8]) -> Vec<serde_json::Value> {
     assert!(stdout.is_empty() || stdout.ends_with(b"\n"), "the last line is whole");
     String::from_utf8(stdout.to_vec())

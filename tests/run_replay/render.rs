@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::Output;
 
-/// Runs `lightcast render` at a small size; `None` where there is no graphics adapter, after saying so.
+/// Runs `lightcast render` at a small size; `None` where there is no graphics adapter, after reporting it.
 fn render(input: &Path, output: &Path, options: &[&str]) -> Option<Output> {
     let mut command = lightcast();
     command.arg("render").arg(input).arg("--output").arg(output);

@@ -26,13 +26,14 @@ fn replay_gives_the_same_bytes_whatever_the_timing_of_the_threads() {
     let recording = Recording::new(30);
     let fast = recording.run().stdout;
 
-    // Paced by the real clock, every stage waits for the one before; the frame rate stays 25 Hz in the lists.
+    // Paced by the real clock, every stage waits for the previous one; the frame rate in the lists is still
+    // 25 Hz.
     recording.configure("pace = \"real-time\"");
     let paced = recording.run();
     assert!(paced.stdout == fast, "the bytes differ at the sequence's own rate");
     assert_eq!(lists(&fast).len(), 30);
 
-    // Behind a reader that takes one line at a time every stage waits for the one after.
+    // With a reader that takes one line at a time every stage waits for the next one.
     recording.configure("pace = \"fast\"");
     let mut child = recording.command().spawn().unwrap();
     let mut reader = BufReader::with_capacity(64, child.stdout.take().unwrap());
@@ -106,11 +107,11 @@ fn pictures_are_drawn_of_every_so_many_maps() {
         recording.command().args(["--picture-every", "4", "--pictures"]).arg(&folder).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(output.stdout == expected, "pictures change nothing in the lists");
-    // Maps 0 and 4; the list of map 8 would come 4 frames later, with a list 12 that there is not.
+    // Maps 0 and 4; the list of map 8 would come 4 frames later, as list 12, which does not exist.
     let summary = stderr(&output);
     let line = summary.lines().find(|line| line.starts_with("picture")).unwrap();
     assert!(line.split_whitespace().nth(1) == Some("12"), "it looks at every list: {summary}");
-    // Numbered as the lists that describe these maps, four frames later, and as the frames that `render`
-    // draws of them.
+    // The numbers are those of the lists that describe these maps, four frames later, and of the frames that
+    // `render` draws from them.
     assert_eq!(names(&folder), ["map_00004.png", "map_00008.png", "scene_00004.png", "scene_00008.png"]);
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Write;
 use std::process::Output;
 
-/// Runs the program; `None` where there is no graphics adapter, after saying so.
+/// Runs the program; `None` where there is no graphics adapter, after reporting it.
 fn run(arguments: &[&str]) -> Option<Output> {
     let run = lightcast().args(arguments).output().unwrap();
     if stderr(&run).contains("there is no graphics adapter") {
@@ -49,7 +49,7 @@ fn the_error_of_pictures_is_a_table_and_a_plot() {
     let svg = fs::read_to_string(&plot).unwrap();
     let document = roxmltree::Document::parse(&svg).unwrap();
     let lines = document.descendants().filter(|node| node.has_tag_name("polyline"));
-    // RMS and FLIP over all, RMS under the one map, two samplers each.
+    // RMS and FLIP over all maps, RMS for the one map, two samplers each.
     assert_eq!(lines.count(), 3 * 2);
 }
 

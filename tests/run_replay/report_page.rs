@@ -1,4 +1,4 @@
-//! `lightcast report`: its page, and what is left of it when it is interrupted.
+//! `lightcast report`: its page, and the page of an interrupted report.
 
 use crate::recording::{Recording, lightcast, panorama, stderr};
 use lightcast::files::write_exr;
@@ -23,7 +23,7 @@ fn json(folder: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(folder.join("report.json")).unwrap()).unwrap()
 }
 
-/// The page as XML, which it has to be, and a look into it.
+/// Parses the page, which must be valid XML, and passes it to `look`.
 fn with_page<T>(folder: &Path, look: impl FnOnce(&Document) -> T) -> T {
     let html = fs::read_to_string(folder.join("index.html")).unwrap();
     look(
@@ -62,7 +62,7 @@ fn the_page_has_every_input_and_beside_each_table_the_command_that_prints_it() {
         assert!(Document::parse(&fs::read_to_string(output.join(name)).unwrap()).is_ok(), "{name}");
     }
 
-    // Errors do not depend on the machine's mood: the command prints the very figures.
+    // Errors, unlike times, do not vary from run to run: the command prints exactly these figures.
     for (table, first) in [(&report["maps"][0], "irradiance"), (&report["sequences"][0], "error")] {
         let command = table["command"].as_str().unwrap();
         let program = command.replacen("lightcast", env!("CARGO_BIN_EXE_lightcast"), 1);
@@ -82,8 +82,8 @@ fn the_page_has_every_input_and_beside_each_table_the_command_that_prints_it() {
     }
 }
 
-/// Runs a report with these arguments until it says `message`, and interrupts it then; it ends in good order.
-/// Where it ends by itself before, without the message, its messages are the error.
+/// Runs a report with these arguments until it prints `message`, and then interrupts it; it must end cleanly.
+/// If it ends by itself before that, without the message, its messages are the error.
 fn interrupted(mut command: Command, message: &str) -> Result<(), String> {
     let mut child = command.spawn().unwrap();
     let mut messages = BufReader::new(child.stderr.take().unwrap());
@@ -150,8 +150,7 @@ fn ctrl_c_in_a_sequence_or_the_hard_cases_keeps_what_stands_before() {
     assert_eq!((tables(&in_sequence, "maps"), tables(&in_sequence, "sequences")), (1, 0));
     let in_hard_cases = report("run.toml: measured");
     assert_eq!((tables(&in_hard_cases, "maps"), tables(&in_hard_cases, "sequences")), (1, 1));
-    // The rows that were measured, if the first was, are whole; those that follow the last of them are
-    // missing.
+    // Rows that were measured are complete; those after the last measured one are missing.
     let rows = in_hard_cases["stability"].as_array().unwrap();
     assert!(rows.iter().all(|row| row["figures"].is_object()), "{rows:?}");
 }
@@ -162,7 +161,7 @@ fn ctrl_c_in_pictures_keeps_those_of_the_maps_before() {
     use lightcast_core::image::{Frame, Pixels};
     use std::io::Write as _;
     let folder = tempfile::tempdir().unwrap();
-    // Few pixels with light: the reference has a light for each.
+    // Only a few pixels have light: the reference has one light for each.
     let path = |number: usize| folder.path().join(format!("{number}.exr"));
     for number in 0..8 {
         let samples = (0..64 * 32 * 3).map(|i| if i / 3 == 64 * 5 + number { 9.0 } else { 0.0 }).collect();

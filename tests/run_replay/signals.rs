@@ -7,7 +7,8 @@ fn send(signal: &str, child: &Child) {
     assert!(status.unwrap().success());
 }
 
-/// An endless run, a signal after ten lists: the run ends with code 0, and every list is whole.
+/// Sends a signal to an endless run after ten lists: the run must end with code 0, and every list must be
+/// complete.
 fn ends_cleanly_on(signal: &str, source_lines: &str) {
     let recording = Recording::new(5);
     recording.configure(source_lines);
@@ -63,8 +64,7 @@ fn a_second_signal_ends_a_run_at_once_that_cannot_end_by_itself() {
     let text = std::fs::read_to_string(recording.configuration()).unwrap();
     std::fs::write(recording.configuration(), text.replace("count = 24", "count = 2000")).unwrap();
     let mut child = recording.command().spawn().unwrap();
-    // A list of 2000 lights does not fit into a pipe: with one byte read and no more, its writing waits for
-    // ever.
+    // A list of 2000 lights does not fit into a pipe: if only one byte is read, the writer blocks for ever.
     let mut reader = child.stdout.take().unwrap();
     reader.read_exact(&mut [0]).unwrap();
     send("INT", &child);

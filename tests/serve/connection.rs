@@ -13,7 +13,7 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::handshake::client::Request;
 use tokio_tungstenite::tungstenite::{self, Message, WebSocket};
 
-/// Nothing on localhost takes so long.
+/// Longer than anything takes on localhost.
 pub const LONG: Duration = Duration::from_secs(20);
 
 /// A server whose lists are posted by the test.
@@ -62,7 +62,7 @@ impl Posting {
         request
     }
 
-    /// What `/metrics` says of this name and these labels.
+    /// The value in `/metrics` for this name and these labels.
     pub fn metric(&self, name: &str) -> f64 {
         let (_, body) = get(self.address(), "/metrics", &[]);
         let line = body.lines().find(|line| line.starts_with(name) && line[name.len()..].starts_with(' '));
@@ -108,7 +108,7 @@ pub fn list(sequence: u64, count: u32) -> LightList {
     list
 }
 
-/// A list as a service posts it.
+/// A list in the form in which a service posts it.
 pub fn referenced(list: LightList) -> ReferencedList {
     ReferencedList { list, ..ReferencedList::default() }
 }
@@ -132,7 +132,7 @@ pub fn next_json(socket: &mut WebSocket<TcpStream>) -> serde_json::Value {
     }
 }
 
-/// Reads until the server closes; its code.
+/// Reads until the server closes; returns the close code.
 pub fn close_code(socket: &mut WebSocket<TcpStream>) -> u16 {
     loop {
         match socket.read() {

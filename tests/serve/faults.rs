@@ -1,4 +1,4 @@
-//! What clients, and servers, may do wrong.
+//! Misbehaving clients and servers.
 
 use crate::connection::{LONG, Posting, close_code, connect, get, next_json, referenced, wait_until};
 use lightcast::net::{Board, Client, ClientOptions, Server, ServerOptions, Token};
@@ -19,7 +19,7 @@ fn with_token() -> ServerOptions {
     ServerOptions { token: Some(Token::load(&path).unwrap()), ..ServerOptions::default() }
 }
 
-/// Another client is served as if nothing had happened.
+/// Checks that another client is served as if nothing had happened.
 fn still_serves(posting: &Posting) {
     let mut client = posting.client("");
     posting.post(1000..1001);
@@ -32,7 +32,7 @@ fn a_client_that_dies_in_the_middle_of_a_message_frees_its_connection_slot() {
     posting.post(0..1);
     let mut client = posting.client("");
     next_json(&mut client);
-    // A masked text frame of 100 bytes, of which 3 come.
+    // A masked text frame with a payload of 100 bytes, of which only 3 are sent.
     client.get_mut().write_all(&[0x81, 0x80 | 100, 1, 2, 3, 4, b'a', b'b', b'c']).unwrap();
     posting.wait_for_clients(1.0);
     drop(client);
@@ -44,7 +44,7 @@ fn a_client_that_dies_in_the_middle_of_a_message_frees_its_connection_slot() {
 fn a_connection_whose_other_end_is_gone_without_a_word_is_given_up() {
     let patience = Duration::from_secs(2);
     let posting = Posting::new(ServerOptions { patience, ..ServerOptions::default() });
-    // It never reads, so it answers no ping: to the server it looks like a cable that was pulled.
+    // It never reads, so it answers no ping: to the server it looks like an unplugged cable.
     let dead = posting.client("");
     let mut living = posting.client("");
     posting.wait_for_clients(2.0);
@@ -69,7 +69,8 @@ fn a_client_that_stops_reading_for_less_than_the_patience_stays() {
     let posting = Posting::new(ServerOptions { patience, ..ServerOptions::default() });
     let mut client = posting.client("");
     posting.wait_for_clients(1.0);
-    // Twice: the second time it has been silent, though not unmoved, for longer than the patience.
+    // Twice: the second time it has been silent for longer than the patience, although it has read in
+    // between.
     for round in 0..2 {
         posting.post(1000 * round..1000 * round + 600);
         let started = Instant::now();
@@ -130,7 +131,7 @@ fn pages_of_others_and_other_names_for_this_machine_are_refused() {
 fn a_message_of_ten_megabytes_is_refused_before_it_is_read() {
     let posting = Posting::new(ServerOptions::default());
     let mut client = posting.client("");
-    // Its length alone says so: 10 MB masked text. The rest may no longer find a reader.
+    // The length in its header is enough: 10 MB of masked text. The rest may no longer be read.
     client.get_mut().write_all(&[0x81, 0x80 | 127, 0, 0, 0, 0, 0, 0x98, 0x96, 0x80, 1, 2, 3, 4]).unwrap();
     let _ = client.get_mut().write_all(&vec![b'a'; 100_000]);
     assert_eq!(close_code(&mut client), 1009);

@@ -1,5 +1,5 @@
-//! The server and its clients over real connections on localhost: what streams carry, what clients may do
-//! wrong, and the program as a service.
+//! The server and its clients over real connections on localhost: the contents of streams, misbehaving
+//! clients, and the program as a service.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 mod connection;

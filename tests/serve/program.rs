@@ -16,14 +16,14 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 
-/// A program that was started with `--listen`, and what it says.
+/// A program that was started with `--listen`, and its messages.
 pub struct Running {
     pub child: Child,
     pub address: SocketAddr,
-    /// What it has said so far; a thread reads on, so that the program can write on.
+    /// Its messages so far; a thread keeps reading, so that the program can keep writing.
     said: Arc<Mutex<String>>,
     reader: Option<JoinHandle<()>>,
-    /// Bytes of it that were looked at.
+    /// Number of bytes of them that were examined.
     seen: usize,
 }
 
@@ -48,7 +48,7 @@ impl Running {
         running
     }
 
-    /// What it has said so far.
+    /// Its messages so far.
     pub fn said(&self) -> String {
         self.said.lock().unwrap().clone()
     }
@@ -79,7 +79,7 @@ impl Running {
         assert!(status.unwrap().success());
     }
 
-    /// Ends it; what it has said.
+    /// Ends it; returns its messages.
     pub fn end(mut self) -> String {
         self.signal("TERM");
         let code = self.child.wait().unwrap().code();
@@ -91,13 +91,13 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // Only where a test has failed.
+        // This is needed only where a test has failed.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// A writer that others can look into.
+/// A writer whose contents others can read.
 #[derive(Clone, Default)]
 struct Shared(Arc<Mutex<Vec<u8>>>);
 
@@ -112,8 +112,8 @@ impl Write for Shared {
     }
 }
 
-/// The bundled sequence, as the service writes it and as a client gets it that was there before the first
-/// list.
+/// The bundled sequence, as written by the service and as received by a client that was connected before the
+/// first list.
 fn whole_recording(is_binary: bool) -> (Vec<String>, Vec<Message>) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut config = Config::load(&root.join("config/replay.toml")).unwrap();
@@ -256,7 +256,7 @@ fn the_token_stands_in_no_message() {
     };
     let (code, refused) = watch(&[]);
     assert!(code == Some(2) && refused.contains("401"), "{code:?} {refused}");
-    // As browsers do it, which the server sees among the subprotocols.
+    // The token as browsers send it, among the subprotocols.
     let mut request = format!("ws://{url}/ws").into_client_request().unwrap();
     let protocols = format!("lightcast.v1.json, lightcast.token.{token}");
     request.headers_mut().insert("sec-websocket-protocol", protocols.parse().unwrap());
@@ -265,7 +265,7 @@ fn the_token_stands_in_no_message() {
     assert_eq!(code, Some(0), "{let_in}");
     let said = running.end();
     assert!(!said.contains(token) && !refused.contains(token) && !let_in.contains(token));
-    // After the messages comes the summary.
+    // The summary follows the messages.
     let messages: Vec<&str> = said.lines().take_while(|line| line.starts_with('{')).collect();
     assert!(messages.iter().any(|line| line.contains("a client has come")), "no messages: {said}");
     for line in messages {
@@ -288,7 +288,7 @@ fn a_run_that_cannot_listen_says_so_and_does_not_start() {
     assert!(!output.exists() && started.elapsed() < LONG);
 }
 
-/// A second machine lights its own scene with the stream: the same picture as from the list in a file.
+/// A second machine lights its own scene with the stream: the picture is the same as from the list in a file.
 #[cfg(feature = "render")]
 #[test]
 fn watch_renders_what_a_file_of_the_same_list_gives() {

@@ -1,5 +1,5 @@
-//! What a service needs to run for weeks: its configuration taken anew, what systemd is told, nothing that
-//! grows.
+//! Requirements of a service that runs for weeks: reloading its configuration, notifications to systemd, no
+//! growth.
 
 use crate::connection::{connect, get, next_json, wait_until};
 use crate::program::Running;
@@ -33,7 +33,7 @@ fn sighup_takes_a_good_configuration_and_clients_stay() {
     let output = recording.path().join("lists.jsonl");
     let mut command = recording.command();
     command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&output);
-    // What somebody else has left there is not touched.
+    // Files of others in the folder are not touched.
     let recorded = |name: &str| recording.path().join(name);
     fs::create_dir(recorded("frames-2")).unwrap();
     command.arg("--record").arg(recorded("frames"));
@@ -69,7 +69,7 @@ fn sighup_takes_a_good_configuration_and_clients_stay() {
     assert!(counts.contains(&24) && counts.ends_with(&[12]), "one file for both: {counts:?}");
 }
 
-/// What a service told systemd, one text a message.
+/// The next notification of a service to systemd.
 fn told(socket: &UnixDatagram) -> Option<String> {
     let mut bytes = [0; 4096];
     let length = socket.recv(&mut bytes).ok()?;
@@ -90,7 +90,8 @@ fn systemd_is_told_and_its_watchdog_is_fed_by_lists_alone() {
     for _ in 0..5 {
         assert_eq!(told(&systemd).unwrap(), "WATCHDOG=1");
     }
-    // A frame that is a pipe into which nobody writes: the source hangs, and then the watchdog starves.
+    // One frame is a pipe to which nobody writes: the source hangs, and then the watchdog is no longer
+    // notified.
     let pipe = recording.path().join("pipe");
     make_pipe(&pipe);
     fs::rename(&pipe, recording.file(3)).unwrap();
@@ -123,7 +124,7 @@ fn a_reader_of_the_output_that_has_stopped_holds_up_no_client_no_reload_and_no_e
     let mut running = Running::start(&mut command);
     let stalled = reader.join().unwrap();
     let mut socket = client(&running);
-    // More than the pipe (64 kB) and the queue for it (128 lists) hold.
+    // More than the pipe (64 kB) and its queue (128 lists) hold.
     let lists: Vec<_> = (0..200).map(|_| next_json(&mut socket)).collect();
     assert!(lists.iter().all(|list| list["stream"]["lost"] == 0), "{lists:?}");
     let captured_ns = |list: &serde_json::Value| list["stream"]["capture_monotonic_ns"].as_i64().unwrap();

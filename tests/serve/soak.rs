@@ -1,6 +1,6 @@
 //! Clients of all kinds come and go while a replay loops: memory, file handles and threads of the service
-//! stay what they are. Thirty rounds, or as many seconds as `LIGHTCAST_SOAK_S` says; `make soak-clients` says
-//! an hour.
+//! must stay constant. The test runs thirty rounds, or as many seconds as `LIGHTCAST_SOAK_S` gives; `make
+//! soak-clients` runs for an hour.
 
 use crate::connection::{connect, get, wait_until};
 use crate::program::Running;
@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::{Message, WebSocket};
 
-/// Rounds until every kind of client was there, and as many idle ones as there will be.
+/// Rounds until every kind of client has connected, and the number of idle clients has reached its maximum.
 const WARM_ROUNDS: u64 = 10;
 const LEAST_ROUNDS: u64 = 30;
 
-/// What a process holds.
+/// Resources of a process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Holdings {
     resident_kb: u64,
@@ -44,7 +44,7 @@ fn stream(running: &Running, query: &str, protocol: &str) -> WebSocket<TcpStream
     connect(request, running.address).unwrap()
 }
 
-/// One of each kind of client; those in `idle` stay for a while without reading.
+/// Connects one client of each kind; those in `idle` stay connected for a while without reading.
 fn visit(running: &Running, round: u64, idle: &mut Vec<WebSocket<TcpStream>>) {
     let (json, binary) = ("lightcast.v1.json", "lightcast.v1.bin");
     for query in ["", "lights=16", "error=0.01&rate_hz=12", "queue=64"] {
@@ -105,8 +105,8 @@ fn clients_that_come_and_go_leave_nothing_behind() {
     wait_until(|| get(running.address, "/metrics", &[]).1.contains("\nlightcast_clients 0"));
     let first = first.unwrap();
     let mut last = holdings(&running);
-    // Those who come and go now and then have files open; when all have gone there is the listener and what
-    // was there.
+    // Clients that come and go have open files at times; after all have disconnected, only the listener and
+    // the initial files remain.
     wait_until(|| {
         last = holdings(&running);
         last.files <= first.files

@@ -1,4 +1,4 @@
-//! What streams carry.
+//! The contents of streams.
 
 use crate::connection::{Posting, close_code, connect, get, list, next_json};
 use lightcast::net::{Client, ClientOptions, ServerOptions};
@@ -87,7 +87,7 @@ fn a_client_that_does_not_read_skips_to_the_newest_learns_its_loss_and_holds_up_
     let mut slow = posting.client("");
     let mut quick = posting.client("queue=64");
     posting.wait_for_clients(2.0);
-    // 20 MB: far more than the kernel keeps for a client.
+    // 20 MB: far more than the kernel buffers for a client.
     for sequence in 0..2000 {
         posting.post(sequence..sequence + 1);
         let message = next_json(&mut quick);
@@ -112,7 +112,7 @@ fn when_the_server_ends_clients_get_the_rest_and_a_reason() {
     let posting = Posting::new(ServerOptions::default());
     let mut client = posting.client("queue=64");
     posting.wait_for_clients(1.0);
-    // As many as the kernel keeps for a client that reads only afterwards.
+    // As many as the kernel buffers for a client that reads only afterwards.
     posting.post(0..5);
     posting.stop();
     for sequence in 0..5 {
@@ -136,7 +136,7 @@ fn new_rules_make_clients_come_again() {
     assert!(refused.unwrap_err().to_string().contains("503"));
 }
 
-/// Takes `count` lists with the program's own client, from a server that posts them.
+/// Receives `count` lists with the program's own client from a server that posts them.
 fn taken(is_binary: bool, count: u64) -> Vec<List> {
     let posting = Posting::new(ServerOptions::default());
     let mut options = ClientOptions::new(&posting.address().to_string()).unwrap();

@@ -5,8 +5,8 @@ use lightcast_core::image::{PolarMap, PolarShape, Stamp};
 use lightcast_core::light::{Extractor, Options, ReferencedList};
 use lightcast_core::temporal::{Directions, LightFilter, Taps};
 
-/// A low pass to 7 Hz of 25 frames a second that delays by 4 frames (Havran et al. 2005), before it is
-/// divided by its sum.
+/// A low-pass filter to 7 Hz at 25 frames a second with a delay of 4 frames (Havran et al. 2005), before it
+/// is divided by its sum.
 const PUBLISHED: [f64; 9] =
     [0.06216, 0.01296, -0.13816, 0.28315, 0.65223, 0.28315, -0.13816, 0.01296, 0.06216];
 
@@ -18,8 +18,8 @@ fn main() -> Result<()> {
     let mut filter = LightFilter::new(taps, Directions::ByPower);
     let (mut list, mut filtered) = (ReferencedList::default(), ReferencedList::default());
     for t in 0..20 {
-        // A lamp flickers in every other frame. After the first frames nothing here allocates but the
-        // picture.
+        // A lamp flickers in every other frame. After the first frames only the picture allocates memory
+        // here.
         let lamp = if t % 2 == 0 { 100.0 } else { 300.0 };
         let is_lamp = |row, column| (40..44).contains(&row) && (200..204).contains(&column);
         let mut map =

@@ -20,7 +20,7 @@ fn main() -> Result<()> {
         k: [0.0; 4],
         field_of_view_rad: PI,
     })?;
-    // code = 500 + 60 ln L, and a frame whose every code says that L is 2.
+    // code = 500 + 60 ln L, and a frame in which every code stands for L = 2.
     let logarithmic =
         ResponseModel::Logarithmic { a: 500.0, b: 60.0, black_clip_code: 20, saturation_code: 1000 };
     let response = Response::new(logarithmic)?;

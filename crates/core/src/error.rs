@@ -1,5 +1,5 @@
-//! What the algorithms refuse: a [`Kind`] for the caller that decides what to do next, the option at fault as
-//! data, and a sentence for its reader.
+//! Errors of the algorithms: a [`Kind`] for the caller that decides what to do next, the option at fault as
+//! data, and a sentence for the reader.
 
 use std::fmt;
 
@@ -11,11 +11,11 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 pub enum Kind {
     /// One frame cannot be used; the next one may be.
     BadFrame,
-    /// An option or another argument is outside of what its documentation says.
+    /// An option or another argument is outside the range that its documentation gives.
     Usage,
 }
 
-/// An error: what was found, and what is wanted, in one sentence.
+/// An error: what was found, and what is expected, in one sentence.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Error {
     kind: Kind,
@@ -33,7 +33,7 @@ impl Error {
         Self { kind: Kind::Usage, option: None, value: None, message: message.into() }
     }
 
-    /// Says which option is at fault, by its field's name, and which value it has, where one value is wrong.
+    /// Names the option at fault by its field's name, and its value where one value is wrong.
     pub(crate) fn in_option(mut self, option: &str, value: Option<&dyn fmt::Display>) -> Self {
         self.option = Some(option.to_owned());
         self.value = value.map(ToString::to_string);
@@ -45,7 +45,7 @@ impl Error {
         self.kind
     }
 
-    /// The option that is at fault, by its field's name, where it is one.
+    /// The option at fault, by its field's name, if the error is about an option.
     pub fn option(&self) -> Option<&str> {
         self.option.as_deref()
     }

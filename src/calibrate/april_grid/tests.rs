@@ -114,7 +114,7 @@ fn a_lens_is_recovered_from_rendered_photographs() {
     let views: Vec<BoardView> = (0..8)
         .map(|view| {
             let turn = f64::from(view);
-            // Half a turn about x: the board's y is up, the camera's is down.
+            // Half a turn about x: the board's y points up, the camera's points down.
             let rotation = DMat3::from_rotation_y(0.55 * (0.9 * turn).cos())
                 * DMat3::from_rotation_x(0.55 * (1.7 * turn).sin())
                 * DMat3::from_rotation_z(0.4 * turn)
@@ -136,7 +136,7 @@ fn a_lens_is_recovered_from_rendered_photographs() {
     println!("{count} corners, mean error {mean} px, RMS {rms:.4} px");
     // The detector finds no board in some of the strongly tilted views; the fit drops those.
     assert!(count > 4.0 * 100.0, "{count}");
-    // Half a pixel of convention would show here.
+    // A wrong convention of half a pixel would be detected here.
     assert!(mean.length() < 0.03 && rms < 0.2, "{mean} {rms}");
     let start = LensStart {
         width: 560,
@@ -160,7 +160,7 @@ fn a_lens_is_recovered_from_rendered_photographs() {
     });
     let farthest = distances.fold(0.0, f64::max);
     println!("lens off by {farthest:.3} px at most");
-    // How well corners are found is the detector's affair; the lens may be off by a few times that.
+    // The accuracy of the corners is that of the detector; the lens may be off by a few times that.
     assert!(farthest < 3.0 * rms, "{farthest} {rms}");
 }
 
@@ -183,7 +183,7 @@ fn flatness_px(lens: &Lens, corners: &[Corner]) -> f64 {
     let squares = corners.iter().map(|corner| {
         let p = h * board(corner);
         let p = DVec3::new(p.x, p.y, p.z);
-        // The homography's sign is free.
+        // The sign of the homography is undetermined.
         let seen =
             [p, -p].into_iter().filter_map(|p| lens.project(p)).map(|at| at.distance_squared(corner.pixel));
         seen.fold(f64::INFINITY, f64::min)
@@ -197,7 +197,7 @@ fn the_grid_in_tum_vis_photograph_is_found_and_flat() {
     let picture = read_grey(&folder.join("tum_vi_with_chart.png")).unwrap();
     let corners = grid().find(&picture).unwrap();
     println!("{} tags, {} corners", corners.len() / 4, corners.len());
-    // It is not recorded which camera of the pair took it.
+    // The data do not record which camera of the pair took the photograph.
     let flatness = ["cam0", "cam1"].map(|camera| {
         let lens = Calibration::load(&folder.join("kalibr_imucam_chain.yaml"), Some(camera)).unwrap().lens;
         flatness_px(&lens, &corners)

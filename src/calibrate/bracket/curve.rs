@@ -1,10 +1,10 @@
-/// The logarithm of exposure by code: `c ln(code - black + 1/2)` plus a polynomial without constant of
-/// `(code - black) / range`; 0 where the code is black and half the range.
+/// The logarithm of exposure as a function of the code: `c ln(code - black + 1/2)` plus a polynomial of
+/// `(code - black) / range` without a constant term, offset so that it is 0 half the range above black.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Curve {
     black: f64,
     range: f64,
-    /// c, then the factors of the powers from 1.
+    /// c, then the coefficients of the powers from 1 on.
     pub(super) factors: Vec<f64>,
 }
 
@@ -12,7 +12,7 @@ pub(super) struct Curve {
 const CODE_ERROR: f64 = 0.5;
 /// ... and this share of their range.
 const RANGE_ERROR: f64 = 1e-3;
-/// Gamma of most displays, with which the fit begins.
+/// Gamma of most displays, from which the fit starts.
 const FIRST_GAMMA: f64 = 2.2;
 
 impl Curve {
@@ -22,7 +22,7 @@ impl Curve {
         Self { black: f64::from(black), range: f64::from(saturation - black), factors }
     }
 
-    /// What the factors are multiplied with at a code.
+    /// The basis functions at a code.
     pub(super) fn row(&self, code: f64, row: &mut [f64]) {
         let (above, share) = (code - self.black + 0.5, (code - self.black) / self.range);
         row[0] = (above / (self.range / 2.0 + 0.5)).ln();
@@ -41,7 +41,7 @@ impl Curve {
         row.iter().zip(&self.factors).map(|(value, factor)| value * factor).sum()
     }
 
-    /// Change of g per code.
+    /// Derivative of g by the code.
     pub(super) fn slope(&self, code: f64) -> f64 {
         let share = (code - self.black) / self.range;
         let mut slope = self.factors[0] / (code - self.black + 0.5);
@@ -53,15 +53,16 @@ impl Curve {
         slope
     }
 
-    /// Standard deviation of g at a code: that of the code, and 1 % of the exposure for what a model leaves.
+    /// Standard deviation of g at a code: that of the code, and 1 % of the exposure for the error of the
+    /// model.
     pub(super) fn error(&self, code: f64) -> f64 {
-        // While the curve is still wrong it may be flat or fall; a tenth of gamma 1 is as flat as cameras
-        // are.
+        // Before convergence the curve may be flat or fall; a tenth of the slope of gamma 1 is as flat as
+        // cameras are.
         let slope = self.slope(code).max(0.1 / (code - self.black + 0.5));
         (slope * (CODE_ERROR + RANGE_ERROR * self.range)).hypot(0.01)
     }
 
-    /// g at any code: beyond the codes that were seen it goes on as a power of the code.
+    /// g at any code; beyond the observed codes it is extrapolated as a power of the code.
     pub(super) fn continued(&self, code: f64, seen: (f64, f64)) -> f64 {
         let nearest = code.clamp(seen.0, seen.1);
         let above = |code: f64| code - self.black + 0.5;

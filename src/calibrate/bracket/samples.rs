@@ -2,13 +2,12 @@ use super::CodeLimits;
 use crate::error::{Error, Result};
 use lightcast_core::image::{Frame, Pixels};
 
-/// What a bracket's pictures say, boiled down to blocks as they come in, so that only one picture need be in
-/// memory.
+/// The pictures of a bracket, reduced to blocks as they arrive, so that only one picture need be in memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BracketSamples {
     /// Columns, rows and channels of the pictures.
     shape: (usize, usize, usize),
-    /// For every picture its blocks, row by row, channels side by side.
+    /// For every picture its blocks, row by row, with interleaved channels.
     pictures: Vec<Vec<Block>>,
     max_code: u16,
 }
@@ -22,28 +21,28 @@ struct Block {
     max: u16,
 }
 
-/// Codes of the places that the fit looks at, by picture; 0 where a picture does not tell.
+/// Codes of the samples that the fit uses, by picture; NaN where a picture has no usable code.
 pub(super) struct Places {
     pictures: usize,
     codes: Vec<f64>,
     seen: (f64, f64),
 }
 
-/// Blocks have this many pixels a side, in small pictures fewer: there should be some ten thousand.
+/// Blocks have this many pixels a side, fewer in small pictures: there should be some ten thousand blocks.
 const LARGEST_SIDE_PX: usize = 8;
 const WANTED_BLOCKS_A_SIDE: usize = 128;
-/// Codes are sorted into so many bins, from each of which, in each picture, so many places are taken.
+/// Codes are sorted into `BINS` bins, and from each bin a fixed number of samples is taken in each picture.
 const BINS: usize = 256;
 const PLACES_A_BIN: usize = 64;
-/// The lowest part of the codes tells little but the camera's noise and what it does against it: on real
-/// pictures it contradicts the rest by a factor of up to two.
+/// The lowest part of the codes holds mostly the camera's noise and its noise reduction: in real pictures it
+/// contradicts the rest by a factor of up to two.
 const DARKEST_SHARE: f64 = 0.03;
 
 impl BracketSamples {
     /// Adds a picture.
     ///
     /// # Errors
-    /// `Usage`: no codes but radiance, or another size than the first picture's.
+    /// `Usage`: a picture of radiance instead of codes, or of another size than the first.
     pub fn add(&mut self, frame: &Frame) -> Result<()> {
         let Pixels::Codes(codes) = &frame.pixels else {
             return Err(Error::usage(
@@ -81,7 +80,7 @@ impl BracketSamples {
         Ok(())
     }
 
-    /// Pictures added so far.
+    /// Number of pictures added so far.
     pub fn pictures(&self) -> usize {
         self.pictures.len()
     }
@@ -105,7 +104,7 @@ impl BracketSamples {
         blocks.iter().map(|block| f64::from(block.mean)).sum::<f64>() / blocks.len().max(1) as f64
     }
 
-    /// Codes of the places that two pictures can both tell.
+    /// Codes of the blocks that are usable in both of two pictures.
     pub(super) fn shared(
         &self,
         one: usize,
@@ -117,7 +116,7 @@ impl BracketSamples {
         pairs.filter_map(move |(one, two)| Some((one.code(black, saturation)?, two.code(black, saturation)?)))
     }
 
-    /// Places that two pictures or more can tell, chosen so that all codes of all pictures are there.
+    /// Samples that are usable in two or more pictures, chosen so that all codes of all pictures occur.
     pub(super) fn places(&self, black: u16, saturation: u16) -> Places {
         let blocks = self.pictures.first().map_or(0, Vec::len);
         let mut is_chosen = vec![false; blocks];
@@ -168,8 +167,8 @@ impl Block {
         Self { mean: mean as f32, spread: variance.sqrt() as f32, min, max }
     }
 
-    /// Its mean code, if no pixel is clipped or nearly and it is even: across an edge, or within noise cut
-    /// off at black, the mean of the codes is not the code of the mean.
+    /// Its mean code, if no pixel is clipped or nearly clipped and the block is uniform: across an edge, or
+    /// where noise is clipped at black, the mean of the codes is not the code of the mean.
     fn code(&self, black: u16, saturation: u16) -> Option<f64> {
         let (mean, spread) = (f64::from(self.mean), f64::from(self.spread));
         let (low, range) = (f64::from(black), f64::from(saturation - black));
@@ -184,7 +183,7 @@ impl Places {
         self.codes.len() / self.pictures
     }
 
-    /// For every place the codes by picture; NaN where a picture does not tell.
+    /// For every sample the codes by picture; NaN where a picture has no usable code.
     pub(super) fn iter(&self) -> impl Iterator<Item = &[f64]> {
         self.codes.chunks_exact(self.pictures)
     }
@@ -194,7 +193,7 @@ impl Places {
     }
 }
 
-/// 0 to len - 1, each once, in an order that jumps about, the same every time.
+/// 0 to len - 1, each once, in a scattered order that is always the same.
 fn scattered(len: usize) -> impl Iterator<Item = usize> {
     let gcd = |mut a: usize, mut b: usize| {
         while b > 0 {
@@ -202,7 +201,7 @@ fn scattered(len: usize) -> impl Iterator<Item = usize> {
         }
         a
     };
-    // Near the golden section of the length, neighbours in the order lie far apart.
+    // With a step near the golden section of the length, consecutive numbers lie far apart.
     let golden = (len as f64 * 0.618_034) as usize;
     let step = (golden.max(1)..).find(|&step| gcd(step, len.max(1)) == 1).unwrap_or(1);
     (0..len).map(move |at| (at as u128 * step as u128 % len as u128) as usize)

@@ -5,7 +5,7 @@ use crate::calibrate::normal_equations::NormalEquations;
 /// A fitted curve.
 pub(super) struct Solution {
     pub(super) curve: Curve,
-    /// Squared residuals over their variance, per degree of freedom.
+    /// Sum of squared residuals over their variance, per degree of freedom.
     pub(super) misfit: f64,
     /// RMS of the residuals in g by picture.
     pub(super) misfit_by_picture: Vec<f64>,
@@ -13,13 +13,13 @@ pub(super) struct Solution {
     pub(super) free_log_time: f64,
 }
 
-/// Turns of slope, weights and curve.
+/// Iterations of slope, weights and curve.
 const TURNS: usize = 8;
-/// Standard deviations from which residuals count by their size and not its square.
+/// Number of standard deviations beyond which residuals count linearly instead of quadratically.
 const HUBER: f64 = 2.0;
 
-/// Least squares over all places, the curve being improved in turns; `free` is a picture whose time is
-/// unknown. `None` where the places do not determine the curve.
+/// Iterated least squares over all samples; `free` is a picture whose time is unknown. `None` where the
+/// samples do not determine the curve.
 pub(super) fn solve(
     places: &Places,
     start: Curve,
@@ -91,7 +91,7 @@ pub(super) fn solve(
     })
 }
 
-/// A place's ln E, from which its residuals follow.
+/// A sample's ln E, from which its residuals follow.
 struct Residuals {
     log_radiance: f64,
 }

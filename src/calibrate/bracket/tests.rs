@@ -16,7 +16,7 @@ impl Random {
     }
 }
 
-/// An S-curve such as cameras have: sRGB's straight foot, then a shoulder.
+/// An S-curve typical of cameras: the straight foot of sRGB, then a shoulder.
 fn ordinary(exposure: f64) -> f64 {
     let x = (1.3 * exposure).clamp(0.0, 1.0);
     let srgb = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
@@ -44,11 +44,11 @@ fn samples(code: impl Fn(f64) -> f64, times_s: &[f64]) -> BracketSamples {
     samples
 }
 
-/// Largest deviation of the response from the curve in a range of codes, as a ratio after the best scale.
+/// Largest deviation of the response from the curve in a range of codes, as a ratio after optimal scaling.
 fn worst(fit: &BracketFit, code_of: impl Fn(f64) -> f64, codes: std::ops::Range<u16>) -> f64 {
     let logs: Vec<f64> = codes
         .map(|code| {
-            // Bisection for the exposure of the code.
+            // Bisection finds the exposure of the code.
             let (mut low, mut high) = (1e-9f64, 10.0f64);
             for _ in 0..60 {
                 let middle = (low * high).sqrt();
@@ -158,7 +158,7 @@ fn the_office_tells_its_exposures_within_five_per_cent_and_merges() {
     for (found, time) in fit.recovered_s.iter().zip(&times) {
         assert!((found / time - 1.0).abs() < 0.05, "{:?}", fit.recovered_s);
     }
-    // And where the curve is known but no time: against the first.
+    // With a known curve and unknown times, the times relative to the first are found too.
     let found = recover_exposures(&samples, &fit.response).unwrap();
     for pair in 0..5 {
         let (ratio, expected) = (found[pair] / found[pair + 1], times[pair] / times[pair + 1]);
@@ -172,7 +172,7 @@ fn the_office_tells_its_exposures_within_five_per_cent_and_merges() {
     assert!(values.iter().all(|value| value.is_finite() && *value >= 0.0));
     let pixels = (frame.width * frame.height) as u64;
     assert!(counts.saturated < pixels / 10_000 && counts.between < pixels / 10_000, "{counts:?}");
-    // What each picture shows in the middle of its codes is the merged radiance times its exposure.
+    // In the middle of the codes each picture equals the merged radiance times its exposure.
     for (frame, time) in frames.iter().zip(&times) {
         let Pixels::Codes(codes) = &frame.pixels else { panic!("radiance") };
         let mut ratios: Vec<f64> = codes

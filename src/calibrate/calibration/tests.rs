@@ -48,7 +48,7 @@ fn our_file_survives_the_way_out_and_in() {
     let calibration = Calibration::parse(OWN, None).unwrap();
     let lens = calibration.lens.parameters();
     assert_eq!((lens.width, lens.height, lens.fx, lens.fy), (640, 480, 150.0, 151.0));
-    // Half-pixel centres are ours: nothing is added.
+    // Our own format has half-pixel centres: nothing is added.
     assert_eq!((lens.cx, lens.cy, lens.k), (320.5, 240.0, [0.01, 0.0, 0.0, 0.0]));
     assert!((lens.field_of_view_rad - std::f64::consts::PI).abs() < 1e-15);
     assert_eq!(calibration.response.saturation_code(), 4000);
@@ -136,7 +136,7 @@ fn exports_come_back_with_every_digit_and_the_half_pixel() {
         ("OpenCV JSON", calibration.to_opencv_json()),
         ("Kalibr", kalibr.clone()),
     ] {
-        // Whole numbers at pixel centres: 320.5 of ours is 320 of theirs.
+        // Their pixel centres are at integers: our 320.5 is 320 in their files.
         assert!(export.contains("320.0") && export.contains("239.5"), "{name}: {export}");
         let back = Calibration::parse(&export, None).unwrap();
         let lens = back.lens.parameters();
@@ -145,7 +145,7 @@ fn exports_come_back_with_every_digit_and_the_half_pixel() {
             (ours.width, ours.height, ours.fx, ours.fy, ours.cx, ours.cy, ours.k),
             "{name}"
         );
-        // Neither has a place for the field of view.
+        // Neither format can hold the field of view.
         assert_eq!(back.notes.len(), 1, "{name}");
     }
     assert_eq!(Calibration::parse(&kalibr, Some("cam0")).unwrap().lens.parameters().cx, ours.cx);

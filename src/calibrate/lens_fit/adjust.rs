@@ -1,9 +1,9 @@
-//! Bundle adjustment: the lens and the pose of every view that leave the smallest squares of pixel residuals.
+//! Bundle adjustment: the lens and the pose of every view that minimise the squared pixel residuals.
 //!
 //! Levenberg-Marquardt with Marquardt's scaling on the normal equations, reduced to the lens by the Schur
-//! complement: a view's pose touches that view's corners only, so that the cost grows with the number of
-//! views and not with its cube (B. Triggs et al. 2000, *Bundle Adjustment - A Modern Synthesis*, section
-//! 6.1). A pose costs 6 x 6.
+//! complement: a view's pose affects only that view's corners, so that the cost grows linearly with the
+//! number of views and not with its cube (B. Triggs et al. 2000, *Bundle Adjustment - A Modern Synthesis*,
+//! section 6.1). A pose costs 6 x 6.
 
 use super::Corner;
 use super::kannala_brandt::{COUNT, Parameters};
@@ -16,10 +16,10 @@ type LensVector = SVector<f64, COUNT>;
 /// Which of fx, fy, cx, cy, k1 to k4 are adjusted.
 pub(super) type Free = [bool; COUNT];
 
-/// Steps at most; from a start that is far off it takes some dozens.
+/// Most steps; a start that is far off takes some dozens.
 const STEPS_MAX: usize = 300;
 
-/// The numbers that are adjusted.
+/// The parameters that are adjusted.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     pub(super) lens: Parameters,
@@ -28,7 +28,7 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Seen minus predicted pixel.
+    /// Observed minus predicted pixel.
     pub(super) fn residual(&self, view: usize, corner: &Corner) -> Vector2<f64> {
         let pixel = self.lens.project(&self.poses[view].point(corner.board_m));
         Vector2::new(corner.pixel.x, corner.pixel.y) - pixel
@@ -97,8 +97,9 @@ impl NormalEquations {
         Self { lens, lens_right, views }
     }
 
-    /// What is left for the lens when every pose follows it; without damping its inverse is the covariance of
-    /// the lens for residuals of unit variance. `None` where a view's corners do not determine its pose.
+    /// The normal equations of the lens with all poses eliminated (Schur complement); without damping the
+    /// inverse is the covariance of the lens for residuals of unit variance. `None` where a view's corners do
+    /// not determine its pose.
     pub(super) fn reduced_lens(&self) -> Option<LensMatrix> {
         self.reduce(0.0).map(|(lens, ..)| lens)
     }
@@ -134,7 +135,7 @@ impl NormalEquations {
     }
 }
 
-/// The diagonal enlarged in proportion (Marquardt 1963).
+/// The matrix with its diagonal scaled up (Marquardt 1963).
 fn damped<const N: usize>(mut matrix: SMatrix<f64, N, N>, damping: f64) -> SMatrix<f64, N, N> {
     for at in 0..N {
         matrix[(at, at)] *= 1.0 + damping;
@@ -164,7 +165,7 @@ pub(super) fn linearise(
 }
 
 /// Adjusts `state` until no step makes the cost smaller; `views[i]` are the corners that pose i sees. The
-/// cost never grows, so a start from which nothing is gained stays as it is. Returns the cost in px^2.
+/// cost never grows, so a start that cannot be improved stays unchanged. Returns the cost in px^2.
 pub(super) fn adjust(views: &[&[Corner]], state: &mut State, free: Free, huber_px: f64) -> f64 {
     let mut cost = state.cost(views, huber_px);
     let mut damping = 1e-3;

@@ -1,5 +1,5 @@
-//! The projection of [`Lens`](lightcast_core::camera::Lens) with its derivatives, for any lens that a search
-//! may try: nothing is checked, and rays at every angle have a pixel.
+//! The projection of [`Lens`](lightcast_core::camera::Lens) with its derivatives, for any lens that the
+//! search may try: nothing is checked, and rays at every angle are projected.
 
 use glam::DVec2;
 use lightcast_core::camera::RadialPolynomial;
@@ -16,9 +16,9 @@ pub(super) struct Parameters(pub(super) [f64; COUNT]);
 /// A pixel and its derivatives.
 pub(super) struct Projected {
     pub(super) pixel: Vector2<f64>,
-    /// By the lens parameters.
+    /// Derivatives by the lens parameters.
     pub(super) by_lens: SMatrix<f64, 2, COUNT>,
-    /// By the point in the camera frame.
+    /// Derivatives by the point in the camera frame.
     pub(super) by_point: SMatrix<f64, 2, 3>,
 }
 
@@ -28,8 +28,8 @@ impl Parameters {
         RadialPolynomial { k: [k1, k2, k3, k4] }
     }
 
-    /// Pixel of a point in the camera frame. Points on the axis behind the camera, where no azimuth is
-    /// defined, go to psi = 0.
+    /// Pixel of a point in the camera frame. Points on the axis behind the camera, where the azimuth is
+    /// undefined, are projected with psi = 0.
     pub(super) fn project(&self, point: &Vector3<f64>) -> Vector2<f64> {
         let [fx, fy, cx, cy, ..] = self.0;
         let across = point.x.hypot(point.y);
@@ -48,7 +48,8 @@ impl Parameters {
         let mut by_lens = SMatrix::zeros();
         (by_lens[(0, 2)], by_lens[(1, 3)]) = (1.0, 1.0);
         let mut by_point = SMatrix::zeros();
-        // On the axis q is 1 / z and its slope across 0; 1e-9 of the distance off it the error is as small.
+        // On the axis q is 1 / z and its derivative across is 0; within 1e-9 of the distance from the axis
+        // the error is as small.
         if rho <= 1e-9 * z.abs() {
             if z > 0.0 {
                 by_lens[(0, 0)] = x / z;
@@ -82,8 +83,8 @@ impl Parameters {
         Projected { pixel, by_lens, by_point }
     }
 
-    /// Unit direction of a pixel, up to the angle at which r stops increasing; pixels farther out give that
-    /// angle.
+    /// Unit direction of a pixel, up to the angle at which r stops increasing; pixels farther out are mapped
+    /// to that angle.
     pub(super) fn bearing(&self, pixel: DVec2) -> Vector3<f64> {
         let [fx, fy, cx, cy, ..] = self.0;
         let (x, y) = ((pixel.x - cx) / fx, (pixel.y - cy) / fy);
@@ -154,7 +155,7 @@ mod tests {
                 let error = (difference - exact.by_lens.column(column)).norm();
                 assert!(error <= 1e-6 * (1.0 + difference.norm()), "{point} parameter {column}: {error:e}");
             }
-            // Beside the axis the azimuth turns within the step.
+            // Next to the axis the azimuth changes within the step.
             if point.x.hypot(point.y) == 0.0 {
                 continue;
             }

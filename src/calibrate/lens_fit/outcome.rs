@@ -1,4 +1,4 @@
-//! What a fit came to: the lens, how sure it is, and every view's part in it.
+//! The result of a fit: the lens, its uncertainty, and the residuals of every view.
 
 use super::adjust::{NormalEquations, State};
 use super::search::{ALL, Found, refined};
@@ -8,20 +8,20 @@ use glam::DVec2;
 use lightcast_core::camera::RadialPolynomial;
 use lightcast_core::camera::{Lens, LensParameters};
 
-/// A fitted lens and what there is to know about the fit.
+/// A fitted lens and the statistics of the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensFit {
-    /// The lens; its field of view is the declared one, or less where r(theta) turns before.
+    /// The lens; its field of view is the declared one, or less where r(theta) stops increasing earlier.
     pub lens: Lens,
-    /// How far its parameters may be off.
+    /// Uncertainties of its parameters.
     pub deviations: LensDeviations,
-    /// Square root of the mean squared length of the residuals, in px (the RMS that OpenCV gives).
+    /// Square root of the mean squared length of the residuals, in px (the RMS that OpenCV returns).
     pub rms_px: f64,
     /// Largest angle of a used corner from the axis.
     pub theta_max_rad: f64,
-    /// All views in the order given.
+    /// All views, in the given order.
     pub views: Vec<ViewFit>,
-    /// Residuals of all corners of used views.
+    /// Residuals of all corners of the used views.
     pub residuals: Vec<CornerResidual>,
     /// What the user should know about the lens's field of view.
     pub notes: Vec<String>,
@@ -43,7 +43,7 @@ pub struct LensDeviations {
     pub k: [f64; 4],
 }
 
-/// What became of one view.
+/// The result for one view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewFit {
     /// The view's name.
@@ -60,20 +60,21 @@ pub struct ViewFit {
     pub dropped: Option<String>,
 }
 
-/// The residual of one corner: where it was seen minus where the lens puts it.
+/// The residual of one corner: its observed minus its predicted position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CornerResidual {
     /// Number of its view.
     pub view: usize,
     /// Angle of its ray from the axis.
     pub theta_rad: f64,
-    /// Part away from the principal point, in px.
+    /// Component away from the principal point, in px.
     pub radial_px: f64,
-    /// Part across, clockwise on the picture, in px.
+    /// Perpendicular component, clockwise in the picture, in px.
     pub across_px: f64,
 }
 
-/// A focal length or centre that is known no better than this share of the focal length is not known.
+/// A focal length or centre whose standard deviation exceeds this fraction of the focal length counts as
+/// undetermined.
 const DEVIATION_MAX: f64 = 0.05;
 
 pub(super) fn outcome(views: &[BoardView], start: &LensStart, found: Found) -> Result<LensFit> {
@@ -191,7 +192,8 @@ fn lens(state: &State, start: &LensStart, theta_max_rad: f64) -> Result<(Lens, V
                  close to the rim"
             )));
         }
-        // A millionth of a radian from the turning angle: closer to it the inverse loses its digits.
+        // The limit is a millionth of a radian below the angle at which r stops increasing: closer to it the
+        // inverse loses precision.
         let limit_rad = 2.0 * (turn_rad - 1e-6);
         if field_of_view_rad > limit_rad {
             notes.push(format!(

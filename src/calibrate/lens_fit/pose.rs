@@ -1,4 +1,4 @@
-//! Where a flat board stands before the camera, from rays.
+//! The pose of a flat board relative to the camera, from rays.
 
 use super::Corner;
 use glam::DVec2;
@@ -12,7 +12,7 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    /// A point of the board, turned but not yet moved.
+    /// A point of the board, rotated but not translated.
     pub(super) fn turned(&self, board_m: DVec2) -> Vector3<f64> {
         self.rotation.column(0) * board_m.x + self.rotation.column(1) * board_m.y
     }
@@ -22,7 +22,8 @@ impl Pose {
         self.turned(board_m) + self.translation
     }
 
-    /// Turned further by a rotation vector in the camera frame, and moved: the step of a search.
+    /// The pose rotated further by a rotation vector in the camera frame, and translated: a step of the
+    /// search.
     pub(super) fn stepped(&self, turn: Vector3<f64>, shift: Vector3<f64>) -> Self {
         Self {
             rotation: Rotation3::from_scaled_axis(turn).into_inner() * self.rotation,
@@ -31,7 +32,7 @@ impl Pose {
     }
 
     /// The other pose from which a small board looks nearly the same: its normal mirrored at the line of
-    /// sight to the board's middle, which stays where it is.
+    /// sight to the board's middle, whose position is unchanged.
     pub(super) fn mirrored(&self, middle_m: DVec2) -> Self {
         let middle = self.point(middle_m);
         let normal = self.rotation.column(2).into_owned();
@@ -48,9 +49,10 @@ impl Pose {
 }
 
 /// Direct linear transform on rays: with `H = s [r1 r2 t]`, every ray b and board point p give `b x (H p) =
-/// 0`. As rays and not picture points are compared, boards that reach behind the camera plane are no
-/// exception; the sign of H is that with which the points lie on the rays' side. (The homography of Zhang
-/// 2000, *A Flexible New Technique for Camera Calibration*, section 3.1, with rays for image points.)
+/// 0`. Because rays and not picture points are compared, boards that extend behind the camera plane need no
+/// special treatment; the sign of H is chosen so that the points lie on the side of the rays. (The homography
+/// of Zhang 2000, *A Flexible New Technique for Camera Calibration*, section 3.1, with rays for image
+/// points.)
 ///
 /// `None` where the points do not determine it: fewer than four, or all on a line.
 pub(super) fn planar_pose(corners: &[Corner], bearings: &[Vector3<f64>]) -> Option<Pose> {
@@ -81,7 +83,8 @@ pub(super) fn planar_pose(corners: &[Corner], bearings: &[Vector3<f64>]) -> Opti
     let eigen = SymmetricEigen::new(normal_matrix);
     let mut order: Vec<usize> = (0..9).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    // Two solutions: the points are on a line. Eigenvalues are squares, of numbers with 16 digits.
+    // Two null vectors mean that the points are on a line. The threshold allows for eigenvalues being squares
+    // of singular values.
     if eigen.eigenvalues[order[1]] <= 1e-12 * eigen.eigenvalues[order[8]] {
         return None;
     }
@@ -142,7 +145,7 @@ mod tests {
             let found = planar_pose(&corners, &rays).unwrap();
             assert!((found.rotation - pose.rotation).norm() < 1e-7, "{} {}", found.rotation, pose.rotation);
             assert!((found.translation - pose.translation).norm() < 1e-7);
-            // Mirroring twice comes back.
+            // Mirroring twice restores the pose.
             let twice = pose.mirrored(middle(&corners)).mirrored(middle(&corners));
             assert!((twice.rotation - pose.rotation).norm() < 1e-9);
             assert!((twice.translation - pose.translation).norm() < 1e-9);

@@ -1,4 +1,5 @@
-//! From the start to the lens: poses, adjustment in stages, and the views that do not fit.
+//! The search for the lens from the start: poses, adjustment in stages, and rejection of views that do not
+//! fit.
 
 use super::adjust::{Free, State, adjust};
 use super::kannala_brandt::{COUNT, Parameters};
@@ -11,25 +12,25 @@ const NOTHING: Free = [false; COUNT];
 const PINHOLE: Free = [true, true, true, true, false, false, false, false];
 pub(super) const ALL: Free = [true; COUNT];
 
-/// Views are not dropped below this RMS, whatever the others have: it is what good detectors reach.
+/// Views with an RMS below this are never dropped: it is what good detectors achieve.
 const DROP_FLOOR_PX: f64 = 0.1;
 
-/// How much farther than a view's RMS, in medians, the worst corner may be off; among thousands of corners
-/// some are at the tail of their distribution.
+/// Ratio of the limit for the worst corner to that for a view's RMS, each relative to its median; among
+/// thousands of corners some are in the tail of the distribution.
 const CORNER_FACTOR: f64 = 5.0;
 
-/// Rounds in which Huber's limit follows the residuals.
+/// Most rounds in which Huber's limit is adapted to the residuals.
 const ROBUST_ROUNDS_MAX: usize = 20;
 
-/// Rounds in which poses are looked for again after a better lens is known; two are usual.
+/// Most rounds in which poses are searched again with a better lens; two are usual.
 const POSE_ROUNDS_MAX: usize = 5;
 
 /// A lens, and which views it was fitted to.
 pub(super) struct Found {
     pub(super) state: State,
-    /// Number of the view of every pose.
+    /// For every pose the number of its view.
     pub(super) used: Vec<usize>,
-    /// Why not, for every view.
+    /// For every view the reason why it was dropped, if it was.
     pub(super) dropped: Vec<Option<String>>,
 }
 
@@ -96,8 +97,8 @@ impl Found {
         adjust(&self.corners(views), &mut self.state, free, huber_px);
     }
 
-    /// Adjusts everything with Huber's loss, whose limit follows the residuals until both agree: what is
-    /// dropped must not depend on where the search came from.
+    /// Adjusts everything with Huber's loss, adapting its limit to the residuals until both agree: which
+    /// views are dropped must not depend on the start of the search.
     fn fit_robustly(&mut self, views: &[BoardView]) {
         let mut huber_px = self.huber_px(views);
         for _ in 0..ROBUST_ROUNDS_MAX {
@@ -110,8 +111,9 @@ impl Found {
         }
     }
 
-    /// Where Huber's loss begins: three standard deviations of the residuals, from their median so that bad
-    /// views do not move it (the median length of a two-dimensional normal residual is 1.18 deviations).
+    /// The limit of Huber's loss: three standard deviations of the residuals, estimated from their median so
+    /// that bad views do not affect it (the median length of a two-dimensional normal residual is 1.18
+    /// deviations).
     fn huber_px(&self, views: &[BoardView]) -> f64 {
         (3.0 / 1.18 * median(&mut self.lengths(views))).max(1e-3)
     }
@@ -126,8 +128,8 @@ impl Found {
             .collect()
     }
 
-    /// Looks for every pose anew with the lens as it is now, and mirrored, and takes whichever leaves least.
-    /// True if any view has become clearly better.
+    /// Searches every pose again with the current lens, also mirrored, and keeps the one with the smallest
+    /// residuals. Returns true if any view has clearly improved.
     fn retry_poses(&mut self, views: &[BoardView]) -> bool {
         let mut is_changed = false;
         for (pose, &index) in self.state.poses.iter_mut().zip(&self.used) {
@@ -151,7 +153,7 @@ impl Found {
         is_changed
     }
 
-    /// The view that is the farthest beyond what `drop_factor` allows: its place among the poses, and why.
+    /// The view that exceeds the limit set by `drop_factor` most: its index among the poses, and the reason.
     fn worst(&self, views: &[BoardView], drop_factor: f64) -> Option<(usize, String)> {
         let corners = self.corners(views);
         let rms: Vec<f64> = (0..corners.len()).map(|pose| self.state.view_rms(pose, corners[pose])).collect();
@@ -232,14 +234,14 @@ pub(super) fn pose_from_rays(lens: &Parameters, corners: &[Corner]) -> Option<Po
     planar_pose(corners, &bearings)
 }
 
-/// The pose of one view, adjusted alone, and the squares that it leaves.
+/// The pose of one view, adjusted alone, and its sum of squared residuals.
 pub(super) fn refined(lens: &Parameters, pose: Pose, corners: &[Corner]) -> (Pose, f64) {
     let mut state = State { lens: *lens, poses: vec![pose] };
     let cost = adjust(&[corners], &mut state, NOTHING, f64::INFINITY);
     (state.poses[0], cost)
 }
 
-/// The middle value, 0 of none. Reorders the values.
+/// The median, 0 if there are no values. Reorders the values.
 fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;

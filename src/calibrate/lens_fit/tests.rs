@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use lightcast_core::test_data::real_folder;
 use std::path::Path;
 
-/// Normal deviates without a pattern (splitmix64, Box-Muller), the same in every run.
+/// Pseudorandom normal deviates (splitmix64, Box-Muller), the same in every run.
 struct Noise(u64);
 
 impl Noise {
@@ -35,7 +35,7 @@ fn wide_lens() -> LensParameters {
     }
 }
 
-/// Where the circle of `wide_lens` is measured roughly.
+/// A start from a rough measurement of the circle of `wide_lens`.
 fn wide_start() -> LensStart {
     LensStart {
         width: 1024,
@@ -46,13 +46,13 @@ fn wide_start() -> LensStart {
     }
 }
 
-/// Views of a board of 9 x 7 corners whose middle stands at 0 to 88 degrees from the axis, tilted towards the
-/// camera and beside it, so that corners reach 105 degrees.
+/// Views of a board of 9 x 7 corners whose middle is 0 to 88 degrees from the axis, facing the camera at
+/// various tilts, so that corners reach 105 degrees.
 fn synthetic(lens: LensParameters, count: usize, noise_px: f64) -> Vec<BoardView> {
     synthetic_within(lens, 230.0, 88.0, count, noise_px)
 }
 
-/// The same with the board's middle up to `middle_deg` from the axis, through a lens that sees
+/// The same with the board's middle up to `middle_deg` from the axis, through a lens with a field of view of
 /// `field_of_view_deg`.
 fn synthetic_within(
     lens: LensParameters,
@@ -159,7 +159,7 @@ fn the_declared_field_of_view_is_kept_cut_or_remarked_on() {
     let widest_deg = 2.0 * cut.theta_max_rad.to_degrees();
     assert!(fit(&views, &declare(widest_deg + 4.0)).notes.is_empty());
 
-    // Corners whose radii fall again towards the rim, as no lens has it.
+    // Corners whose radii decrease again towards the rim, which no real lens does.
     for view in &mut views {
         for corner in &mut view.corners {
             let from_centre = corner.pixel - DVec2::new(515.3, 508.1);
@@ -180,7 +180,7 @@ fn the_declared_field_of_view_is_kept_cut_or_remarked_on() {
 fn noise_leaves_the_deviations_that_are_reported() {
     let views = synthetic(wide_lens(), 24, 0.2);
     let fit = fit(&views, &wide_start());
-    // Two coordinates of 0.2 px each, less what the parameters take up.
+    // Two coordinates of 0.2 px each, less the degrees of freedom of the parameters.
     let degrees: f64 = 2.0 * 24.0 * 63.0;
     let expected = 0.2 * (2.0 * (degrees - 8.0 - 144.0) / degrees).sqrt();
     assert!((fit.rms_px / expected - 1.0).abs() < 0.03, "{} {expected}", fit.rms_px);
@@ -196,7 +196,7 @@ fn noise_leaves_the_deviations_that_are_reported() {
         (found.k[3] - exact.k[3]) / sigma.k[3],
     ];
     // Chi-squared of 8: 0.5 % are below 1.3 or above 22, were the parameters independent. They are not, so
-    // only the largest is held: 4 sigma in 8 numbers is one in 2000.
+    // only the largest error is bounded: 4 sigma in any of 8 numbers has a probability of one in 2000.
     assert!(errors.iter().all(|error| error.abs() < 4.0), "{errors:?}");
     assert!(errors.iter().any(|error| error.abs() > 0.1), "deviations are far too large: {errors:?}");
 }
@@ -219,7 +219,7 @@ fn a_spoiled_view_is_named_and_dropped_and_does_not_bend_the_lens() {
             }
         }),
         ("one corner", |view| view.corners[40].pixel.y += 2.0),
-        // Counted column by column. (A mirrored board would be one seen from behind.)
+        // Corners numbered column by column. (A mirrored board would look like one seen from behind.)
         ("order", |view| {
             for (at, corner) in view.corners.iter_mut().enumerate() {
                 corner.board_m = DVec2::new((at / 7) as f64, (at % 7) as f64) * 0.03;
@@ -235,7 +235,7 @@ fn a_spoiled_view_is_named_and_dropped_and_does_not_bend_the_lens() {
         assert_eq!(dropped[0].name, "view05");
         let reason = dropped[0].dropped.as_deref().unwrap();
         assert!(reason.contains("the median"), "{what}: {reason}");
-        // What is left is the fit without the view.
+        // The result is the fit without the view.
         let mut without = good.clone();
         without.remove(5);
         let distance = farthest_px(&found.lens, &fit(&without, &wide_start()).lens, 1.8);
@@ -309,7 +309,7 @@ fn views_without_any_agreement_are_an_error() {
     assert!(error.to_string().contains("add pictures") || error.to_string().contains("half of"), "{error}");
 }
 
-/// A test set of real corners, with the lens that others fitted to it.
+/// A test set of real corners, with the lens that other software fitted to it.
 struct RealSet {
     views: Vec<BoardView>,
     size: [usize; 2],
@@ -320,7 +320,7 @@ fn points(value: &serde_json::Value) -> Vec<DVec2> {
     value.as_array().unwrap().iter().map(pair).collect()
 }
 
-/// Half a pixel is added: the files count as OpenCV does.
+/// Half a pixel is added: the files have OpenCV's coordinates.
 fn view(name: String, pixels: &serde_json::Value, columns: usize, pitch_m: f64) -> BoardView {
     let corners = points(pixels).into_iter().enumerate().map(|(at, pixel)| Corner {
         board_m: DVec2::new((at % columns) as f64, (at / columns) as f64) * pitch_m,
@@ -362,7 +362,7 @@ fn reference_set(path: &Path) -> RealSet {
 }
 
 impl RealSet {
-    /// Only what a user measures: the field of view along the diagonal, or the circle.
+    /// Only quantities that a user measures: the field of view along the diagonal, or the circle.
     fn start(&self, field_of_view_deg: f64, circle_diameter_px: f64) -> LensStart {
         let [width, height] = self.size;
         LensStart {
@@ -396,7 +396,7 @@ fn print(name: &str, fit: &LensFit) {
 fn opencvs_own_test_gives_the_published_lens_within_its_uncertainties() {
     let Some(folder) = real_folder("calib") else { return };
     let set = opencv_set(&folder);
-    // A picture without a circle: 130 degrees over its 1280 columns is a round guess.
+    // A picture without a visible circle: 130 degrees over its 1280 columns is a rough guess.
     let fit = fit(&set.views, &set.start(130.0, 1280.0));
     print("OpenCV calib-3", &fit);
     assert!(fit.rms_px <= 0.265, "{}", fit.rms_px);
@@ -414,11 +414,11 @@ fn opencvs_own_test_gives_the_published_lens_within_its_uncertainties() {
         (lens.k[3], -0.00374209380722371, 0.00916011),
     ];
     for (found, expected, uncertainty) in published {
-        // The corners were rounded to 0.001 px, nothing more separates the two: far inside the uncertainty.
+        // The two differ only by the rounding of corners to 0.001 px: far less than the uncertainty.
         assert!((found - expected).abs() < 0.01 * uncertainty, "{found} {expected} +- {uncertainty}");
     }
-    // OpenCV gives three standard deviations, and divides the squares by the number of coordinates without
-    // taking off the unknowns.
+    // OpenCV returns three standard deviations, and divides the sum of squares by the number of coordinates
+    // without subtracting the unknowns.
     let coordinates = 2.0 * 34.0 * 48.0;
     let factor = 3.0 * f64::sqrt((coordinates - 8.0 - 6.0 * 34.0) / coordinates);
     for (sigma, (_, _, uncertainty)) in list(fit.deviations).into_iter().zip(published) {
@@ -468,7 +468,7 @@ fn real_chessboards_fit_as_well_as_with_others_solvers() {
             assert!((found[at] - expected[at]).abs() < 0.2 * sigma[at], "{name} {at}: {found:?}");
             assert!((deviations[at] / sigma[at] - 1.0).abs() < 0.1, "{name} {at}: {deviations:?}");
         }
-        // Neither the lens nor what is dropped depends on how well the circle was measured.
+        // Neither the lens nor the dropped views depend on how accurately the circle was measured.
         for factor in [0.5, 0.8, 1.3, 2.0] {
             let other = fit_lens(
                 &set.views,
@@ -491,7 +491,7 @@ fn a_spoiled_view_among_real_ones_is_named() {
     let Some(folder) = real_folder("calib") else { return };
     let mut set = reference_set(&folder.join("stereo_left_9x6/reference.json"));
     let name = set.views[11].name.clone();
-    // A board held through the exposure: its far end has moved by 3 px.
+    // A board that moved during the exposure: its far end is off by 3 px.
     for corner in &mut set.views[11].corners {
         corner.pixel.x += 3.0 * (corner.board_m.x / 0.2).powi(3);
     }

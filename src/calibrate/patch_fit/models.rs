@@ -9,7 +9,7 @@ use lightcast_core::camera::ResponseModel;
 pub(super) struct Point {
     pub(super) code: f64,
     pub(super) luminance: f64,
-    /// Of its pixels, in codes squared.
+    /// Variance of its pixels, in codes squared.
     variance: f64,
 }
 
@@ -28,13 +28,13 @@ pub(super) struct Limits {
     is_black_given: bool,
 }
 
-/// Share of clipped samples from which a patch is.
+/// Fraction of clipped samples from which a patch counts as clipped.
 const CLIPPED_SHARE: f64 = 0.01;
-/// Luminance ratio at which equal codes mean a clip.
+/// Luminance ratio from which equal codes indicate clipping.
 const TELLING_RATIO: f64 = 1.25;
-/// How well luminances are known, relative.
+/// Relative uncertainty of luminances.
 const LUMINANCE_ERROR: f64 = 0.02;
-/// Turns of slope and weights; they settle in three.
+/// Iterations of slope and weights; they converge in three.
 const TURNS: usize = 6;
 
 impl Limits {
@@ -77,15 +77,15 @@ impl Limits {
         }
     }
 
-    /// Noise takes some pixels of a dark patch to the black code; it still tells its luminance when its mean
-    /// stands clear of it.
+    /// Noise drives some pixels of a dark patch to the black code; the patch is still usable when its mean is
+    /// clearly above that code.
     fn is_linear_foot(&self, patch: &Patch) -> bool {
         patch.codes.mean() > f64::from(self.black) + 2.0 * patch.codes.spread() + 1.0
     }
 }
 
-/// Mean and spread of the codes of patches from one end, if the first two or more of them have one code
-/// though their luminances differ.
+/// Mean and spread of the codes of patches from one end, if the first two or more of them have the same code
+/// although their luminances differ.
 fn plateau<'a>(from_the_end: impl Iterator<Item = &'a Patch>) -> Option<(f64, f64)> {
     let mut patches = from_the_end;
     let first = patches.next()?;
@@ -117,7 +117,7 @@ pub(super) fn fit(
                 let (black, _) = line(points, None, |luminance| luminance, slope_of)?;
                 black.round().clamp(0.0, f64::from(limits.saturation) - 1.0) as u16
             };
-            // Once more, as the level is a whole number.
+            // The slope is fitted again, because the black level is rounded to an integer.
             let (_, slope) = line(points, Some(f64::from(black_level)), |luminance| luminance, slope_of)?;
             Ok(ResponseModel::Linear { black_level, white_level: limits.saturation, gain: 1.0 / slope })
         }
@@ -157,7 +157,7 @@ fn line(
     if found.1 > 0.0 { Ok(found) } else { Err(flat()) }
 }
 
-/// Knees at the patches; the first and the last line go on to no light and to saturation.
+/// Knees at the patches; the first and the last line are extended to zero light and to saturation.
 fn through_patches(points: &[Point], limits: &Limits) -> Result<ResponseModel> {
     let mut sorted: Vec<(f64, f64)> = points.iter().map(|point| (point.code, point.luminance)).collect();
     sorted.sort_by(|one, two| one.1.total_cmp(&two.1));
@@ -186,7 +186,7 @@ fn through_patches(points: &[Point], limits: &Limits) -> Result<ResponseModel> {
     })
 }
 
-/// Radiances at given knees by least squares of relative errors; no light at black.
+/// Radiances at given knees by least squares of relative errors; zero at black.
 fn between_knees(points: &[Point], limits: &Limits, knee_codes: &[u16]) -> Result<ResponseModel> {
     let mut codes = vec![limits.black];
     codes.extend(knee_codes);

@@ -2,7 +2,7 @@ use super::*;
 use crate::calibrate::{PatchCodes, Rectangle};
 use lightcast_core::image::{Frame, Pixels};
 
-/// Marsaglia's xorshift64, as numbers of about a normal distribution.
+/// Marsaglia's xorshift64, as approximately normally distributed numbers.
 struct Noise(u64);
 
 impl Noise {
@@ -17,7 +17,7 @@ impl Noise {
     }
 }
 
-/// A patch of 20 x 20 pixels as `model` codes it, with Gaussian noise of so many codes.
+/// A patch of 20 x 20 pixels as `model` codes it, with Gaussian noise of `noise_codes`.
 fn patch(model: &ResponseModel, luminance_cd_m2: f64, noise_codes: f64, noise: &mut Noise) -> Patch {
     let response = Response::new(model.clone()).unwrap();
     let (black, saturation) = (f64::from(response.black_clip_code()), f64::from(response.saturation_code()));
@@ -85,7 +85,8 @@ fn clipped_patches_are_found_and_take_no_part() {
     let (black, saturation) = (fit.response.black_clip_code(), fit.response.saturation_code());
     assert!((180..=186).contains(&black) && (994..=1000).contains(&saturation), "{black} {saturation}");
     assert!(worst_ratio(&fit.response, &model, 190..=990) < 0.02);
-    // One saturated patch cannot be told by its like, but by the largest code of 12 bits.
+    // A single saturated patch cannot be found by comparison with another, but by the largest code of 12
+    // bits.
     let bright = [0.01, 1.0, 100.0, 1e7].map(|l| patch(&logarithmic(), l, 1.0, &mut noise));
     let fit = fit_patches(&bright, &PatchFitOptions::default()).unwrap();
     assert_eq!((fit.patches[3].usage, fit.response.saturation_code()), (PatchUse::Saturated, 4095));
@@ -103,7 +104,7 @@ fn linear_and_companded_sensors_are_told_by_the_patches() {
 
     let companded =
         ResponseModel::PiecewiseLinear { knees: vec![(0, 0.0), (1024, 10.0), (2048, 160.0), (4095, 4000.0)] };
-    // Close together where the slope changes.
+    // Patches are close together where the slope changes.
     let luminances =
         [1.0, 2.0, 4.0, 7.0, 9.0, 11.0, 16.0, 30.0, 60.0, 110.0, 150.0, 170.0, 260.0, 450.0, 1200.0, 3000.0];
     let patches = luminances.map(|l| patch(&companded, l, 1.0, &mut noise));

@@ -15,13 +15,14 @@ use std::path::{Path, PathBuf};
 /// Fit a fisheye lens to pictures of a flat board.
 ///
 /// Takes a file of corners that were found elsewhere, or, with --april-grid, photographs of an AprilGrid. 10
-/// to 30 pictures, the board tilted in different ways, in some of them close to the rim, determine a lens
-/// well.
+/// to 30 pictures, with the board tilted in different ways and in some of them close to the rim, determine a
+/// lens well.
 ///
 /// The report (JSON) goes to standard output: RMS residual, the lens with the standard deviations of its
-/// numbers, and every picture with its RMS residual, or why it was dropped. Bad pictures are also named on
+/// parameters, and every picture with its RMS residual, or why it was dropped. Bad pictures are also named on
 /// standard error. The calibration goes to --output, for `run`; --opencv and --kalibr write it in those
-/// programs' form, in which pixel centres are whole numbers (0.5 px less) and the field of view has no place.
+/// programs' form, in which pixel centres are whole numbers (0.5 px less) and the field of view is not
+/// stored.
 ///
 /// Example: lightcast calibrate lens corners.json --field-of-view-deg 185 --circle-diameter-px 1010
 ///            --output lens.json --plot residuals.svg | jq .rms_px
@@ -65,8 +66,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE", requires = "april_grid")]
     save_corners: Option<PathBuf>,
 
-    /// Full opening angle of the lens, as its maker gives it: the angle that the circle holds. The fitted
-    /// lens declares it, or less where r(theta) turns before.
+    /// Full opening angle of the lens, as its manufacturer gives it: the angle that the circle spans. The
+    /// fitted lens declares it, or a smaller one where r(theta) turns before it.
     #[arg(long, value_name = "DEGREES")]
     field_of_view_deg: f64,
 
@@ -102,7 +103,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    // First: what stands in the way of writing should not cost the fit.
+    // This comes first, so that a fit is not lost because its result cannot be written.
     let response = kept_response(&arguments.output)?;
     let opencv = match arguments.opencv.as_deref() {
         Some(path) => Some((path, OpencvForm::of(path)?)),
@@ -148,7 +149,7 @@ fn position(text: &str) -> std::result::Result<DVec2, String> {
     }
 }
 
-/// What an existing calibration says of the response, so that calibrating the lens does not lose it.
+/// The response of an existing calibration, so that calibrating the lens does not lose it.
 fn kept_response(output: &Path) -> Result<Response> {
     if !output.exists() {
         return Ok(Response::default());
@@ -213,7 +214,7 @@ fn start(arguments: &Arguments, corners: &CornerSet) -> LensStart {
     }
 }
 
-/// Everything that a person or a script may ask of a fit; pixel coordinates have half-pixel centres.
+/// Everything about a fit that a person or a script may need; pixel coordinates have half-pixel centres.
 fn report(fit: &LensFit) -> serde_json::Value {
     let LensParameters { width, height, fx, fy, cx, cy, k, field_of_view_rad } = *fit.lens.parameters();
     let deviations = fit.deviations;

@@ -13,7 +13,7 @@ use clap::Subcommand;
 use std::io::Write as _;
 use std::path::Path;
 
-/// Find out what a camera is like.
+/// Calibrate a camera: its lens, its response, its orientation.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     #[command(subcommand)]

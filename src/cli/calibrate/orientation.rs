@@ -8,7 +8,7 @@ use serde::Deserialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Find how a camera stands, from pixels whose directions are known.
+/// Find the orientation of a camera from pixels whose directions are known.
 ///
 /// MARKS is a TOML file with one table for each mark: a star, the Moon, a lamp that was surveyed.
 ///
@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 ///
 /// Two marks that lie well apart give the whole rotation; more make it better. One mark is enough for a
 /// camera that looks straight up: it is turned about the vertical, then tilted by what is left. The result is
-/// the key world_from_camera for the section [camera] of a configuration, with the angle that each mark is
-/// off as a comment.
+/// the key world_from_camera for the section [camera] of a configuration, with the angular error of each mark
+/// as a comment.
 ///
 /// Example: lightcast calibrate orientation marks.toml --calibration camera.json
 #[derive(Debug, clap::Args)]

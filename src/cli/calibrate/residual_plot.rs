@@ -34,7 +34,7 @@ pub(super) fn residual_plot(fit: &LensFit) -> Plot {
             .iter()
             .enumerate()
             .filter(|(_, view)| view.dropped.is_some() == is_dropped)
-            // Dots, not a line: neighbours have nothing to do with each other.
+            // Dots, not a line, because neighbouring pictures are unrelated.
             .flat_map(|(at, view)| [((at + 1) as f64, view.rms_px.unwrap_or(f64::NAN)), (f64::NAN, f64::NAN)])
             .collect(),
     };

@@ -35,10 +35,11 @@ use std::path::{Path, PathBuf};
 ///   luminance_cd_m2 = 12.5
 ///   held_out = true                   # optional: not fitted, only predicted
 ///
-/// Without, the pictures are a bracket: one still scene at several exposure times, longest to shortest a
-/// factor of 2 to 8 apart, from a camera that does not move. Times (with ISO and f-number) come from their
-/// EXIF data, or from --exposures, a TOML file in the order of the pictures: exposure_s = [13.0, 1.6, 0.2].
-/// Where neither is known, the response of --calibration serves to find the times. The radiance is relative.
+/// Without --patches, the pictures are a bracket: one still scene at several exposure times, longest to
+/// shortest a factor of 2 to 8 apart, from a camera that does not move. Times (with ISO and f-number) come
+/// from their EXIF data, or from --exposures, a TOML file in the order of the pictures: exposure_s = [13.0,
+/// 1.6, 0.2]. Where neither is known, the response of --calibration serves to find the times. The radiance is
+/// relative.
 ///
 /// A table goes to standard output, the response to --output: as the response of the calibration given by
 /// --calibration, whose lens is kept, or alone.
@@ -106,7 +107,7 @@ pub(super) struct Arguments {
 enum ModelName {
     /// code = a + b ln L, HDR sensors of the HDRC class.
     Logarithmic,
-    /// Codes in proportion to the light above black.
+    /// Codes proportional to the light above black.
     Linear,
     /// Straight lines between --knees, or between the patches.
     PiecewiseLinear,
@@ -122,7 +123,7 @@ impl From<ModelName> for Family {
     }
 }
 
-/// What a fit gives the program.
+/// The result of a fit.
 struct Found {
     response: Response,
     lines: Vec<String>,
@@ -179,7 +180,7 @@ struct Taken {
 
 enum Frames {
     Files(Vec<PathBuf>),
-    /// The first so many of what a configuration names.
+    /// The first frames of what a configuration names, and their number.
     Live(Box<Config>, u64),
 }
 
@@ -203,7 +204,7 @@ impl Taken {
         let frames = if path.is_file() {
             Frames::Files(vec![path.to_owned()])
         } else {
-            // The rate is of no importance here.
+            // The rate does not matter here.
             let options = SequenceOptions {
                 path: path.to_owned(),
                 frame_rate_hz: Some(1.0),
@@ -225,7 +226,7 @@ impl Taken {
         }
     }
 
-    /// Gives all frames to `each`, with what messages call them.
+    /// Calls `each` with every frame and the name that it has in messages.
     fn for_each(&self, mut each: impl FnMut(&Frame, &Path) -> Result<()>) -> Result<()> {
         match &self.frames {
             Frames::Files(files) => {

@@ -91,7 +91,8 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
     let (lists, making) = origin.start()?;
     let outcome = match target {
         Target::File { path, is_exr } => {
-            // Dropped before the end is waited for: who makes the lists may wait for room in it.
+            // It is dropped before waiting for the end, because the threads that make the lists may wait for
+            // room in it.
             let mut link = lists.link;
             match link.receive() {
                 Some(list) => {
@@ -113,12 +114,12 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
             outcome.map(|_| ())
         }
     };
-    // Why there was no list is told rather than that there was none.
+    // The reason why there was no list is reported first.
     let ended = making.finish(metrics);
     ended.and(outcome)
 }
 
-/// A stage that shows how far it is.
+/// A stage that shows its progress.
 struct Shown {
     render: Render,
     progress: Progress,

@@ -1,4 +1,4 @@
-//! Lists for the renderer: whatever they come from, they arrive on a link, made by threads that end together.
+//! Lists for the renderer: from every kind of input they arrive on a link, made by threads that end together.
 
 use super::Arguments;
 use crate::cli::input::{Input, open_lists};
@@ -15,13 +15,13 @@ use std::io::{self, Write as _};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Lists below it make the inset show the whole sphere.
+/// Lists with lights below this height make the inset show the whole sphere.
 const HORIZON: f32 = -1e-3;
 
 /// Lists of a file that wait for the renderer.
 const LISTS_AHEAD: usize = 2;
 
-/// Who takes the lists.
+/// The reader of the lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reader {
     /// Pictures in files: of all lists that a file or a replay has, as fast as they are drawn.
@@ -30,16 +30,16 @@ pub(super) enum Reader {
     Window,
 }
 
-/// What gives lists, opened and checked, before it is started.
+/// The origin of lists, opened and checked, before it is started.
 pub(super) struct Origin {
     kind: Kind,
     reader: Reader,
-    /// Ends it; it is requested when it has failed.
+    /// Ends the threads; it is requested when they have failed.
     ending: Shutdown,
 }
 
 enum Kind {
-    /// The file behind its first list.
+    /// The file after its first list, and that list.
     File(ListFile, Box<LightList>),
     Configuration(Box<Config>),
     Server(ClientOptions),
@@ -50,7 +50,7 @@ pub(super) struct Lists {
     pub link: Receiver<LightList>,
     /// The maps that they are made of, where these are known.
     pub maps: Option<Receiver<PolarMap>>,
-    /// What the lights fill.
+    /// The extent of the lights.
     pub shape: PolarShape,
     /// How many there are, where that is known.
     pub count: Option<u64>,
@@ -69,8 +69,8 @@ enum Running {
 }
 
 impl Origin {
-    /// Opens an input that is no panorama. For a window, that of a server ends with `closing`, so that a
-    /// refusal closes the window; others end by themselves, and the window stays.
+    /// Opens an input that is no panorama. For a window, the input from a server ends with `closing`, so that
+    /// a refusal closes the window; others end by themselves, and the window stays open.
     ///
     /// # Errors
     /// What cannot be opened or holds no list; kind `Usage` for panoramas.
@@ -117,7 +117,7 @@ impl Origin {
 }
 
 impl Making {
-    /// Ends what makes the lists, and prints what it and their `reader` have done.
+    /// Ends the threads that make the lists, and prints the summary of these and of their `reader`.
     ///
     /// # Errors
     /// The first error that the lists ended with.
@@ -165,7 +165,7 @@ fn start_service(mut config: Config, reader: Reader, ending: &Shutdown) -> Resul
             (link, None)
         }
         Reader::Window => {
-            // Nobody could watch them as fast as they can be made.
+            // Lists can be made faster than anybody could watch them.
             config.pace = Pace::RealTime;
             let (sender, link) = link::latest(ending, LightList::default);
             let (maps_in, maps) = link::latest(ending, || PolarMap::black(config.map));
@@ -182,13 +182,13 @@ fn start_client(options: ClientOptions, ending: &Shutdown) -> Result<(Lists, Run
     let (sender, link) = link::latest(ending, LightList::default);
     let received = Metrics::new("client");
     let client = Client::start(options, &received, ending, pass_on(sender, ending))?;
-    // Nobody knows yet what the server's map is like; a sphere has room for every light.
+    // The shape of the server's map is not known yet; a sphere has room for every light.
     let lists = Lists { link, maps: None, shape: PolarShape::sphere(4, 2), count: None };
     Ok((lists, Running::Client(client, received)))
 }
 
-/// Passes on `list` and all that follow it in `file`; where they are `paced`, each when as much time has
-/// passed as between its capture and that of the first, and times that run backwards are not waited for.
+/// Passes on `list` and all that follow it in `file`; if they are `paced`, each one when as much time has
+/// passed as between its capture and that of the first. Times that run backwards cause no wait.
 fn play(
     mut file: ListFile,
     mut list: LightList,
@@ -212,7 +212,7 @@ fn play(
         }
         match file.read(&mut list) {
             Ok(true) => {}
-            // A line that is cut because the reader has ended is no fault.
+            // A line that is cut off because the reader has ended is not an error.
             Err(_) if end.is_requested() => return Ok(()),
             outcome => return outcome.map(|_| ()),
         }

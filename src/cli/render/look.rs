@@ -1,4 +1,4 @@
-//! What a picture is lit by, what of the scene is in it, and how it looks.
+//! The light of a picture, the parts of the scene that are in it, and its look.
 
 use crate::cli::input::is_standard_input;
 use crate::cli::panorama::read_panorama;
@@ -19,8 +19,8 @@ pub(super) struct Look {
         default_values_t = [LightingName::Directional, LightingName::Ambient])]
     lighting: Vec<LightingName>,
 
-    /// Albedo of a ground all around whose light, which a camera that looks up does not see, falls on
-    /// undersides; 0: none.
+    /// Albedo of a ground all around; its light, which a camera that looks up does not capture, falls on
+    /// undersides. 0: none.
     #[arg(long, value_name = "ALBEDO", default_value_t = 0.0, value_parser = albedo)]
     ground_albedo: f32,
 
@@ -39,7 +39,7 @@ pub(super) struct Look {
     tone: ToneName,
 
     /// Node of the scene, with all below it, that is not seen but casts its shadows. May be given again. For
-    /// pictures that shall fit each other give --eye and --target: the default camera frames what casts
+    /// pictures that must match each other give --eye and --target: the default camera frames what casts
     /// shadows.
     #[arg(long, value_name = "NODE")]
     hold_out: Vec<String>,

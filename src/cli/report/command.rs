@@ -5,12 +5,12 @@ use super::inputs::{Map, Moving};
 use crate::report::tables::COUNTS;
 use std::path::Path;
 
-/// Prints the tables of maps: of all that are built in for those that are.
+/// The command that prints the tables of maps; for built-in maps it prints those of all of them.
 pub(super) fn of_maps<'a>(arguments: &Arguments, maps: impl Iterator<Item = &'a Map>) -> String {
     with_inputs(of_lights(arguments), maps.filter_map(|map| map.path.as_deref()))
 }
 
-/// Prints the table of a sequence, as the report with these arguments has it.
+/// The command that prints the table of a sequence as the report with these arguments has it.
 pub(super) fn of_sequence(arguments: &Arguments, moving: &Moving) -> String {
     let mut command = of_lights(arguments);
     match moving {
@@ -29,7 +29,7 @@ pub(super) fn of_sequence(arguments: &Arguments, moving: &Moving) -> String {
                 command += &format!(" --frame-rate {rate_hz}");
             }
             if recorded.is_configured() {
-                // Of a file of any name.
+                // This option takes a file of any name.
                 command += " --config";
             }
             with_inputs(command, std::iter::once(recorded.path()))

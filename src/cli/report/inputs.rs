@@ -1,4 +1,4 @@
-//! What a report is about: panoramas, sequences, and what is built in where none are named. All of it is
+//! The inputs of a report: panoramas, sequences, and built-in ones where none are named. All of them are
 //! opened, and panoramas read, before anything is measured.
 
 use super::Arguments;
@@ -15,7 +15,7 @@ use crate::rt::Shutdown;
 use lightcast_core::image::{PolarMap, PolarShape};
 use std::path::{Path, PathBuf};
 
-/// What every panorama is averaged to: for lights, and for pictures.
+/// The shapes that every panorama is averaged to: for lights, and for pictures.
 const SHAPES: &[PolarShape] = &[
     still_methods::SHAPE,
     #[cfg(feature = "render")]
@@ -25,7 +25,7 @@ const SHAPES: &[PolarShape] = &[
 /// A map.
 pub(super) struct Map {
     pub name: String,
-    /// What names it on a command line; nothing names what is built in.
+    /// Its name on a command line; built-in maps have none.
     pub path: Option<PathBuf>,
     /// One for each of [`SHAPES`].
     maps: Vec<PolarMap>,
@@ -38,7 +38,7 @@ pub(super) enum Moving {
     BuiltIn(BuiltIn),
 }
 
-/// One that METHODS section 7 makes of a panorama.
+/// A sequence that METHODS section 7 makes of a panorama.
 pub(super) struct Made {
     pub name: &'static str,
     pub path: PathBuf,
@@ -48,27 +48,27 @@ pub(super) struct Made {
 
 type Make = fn(&PolarMap, &dyn Fn() -> bool) -> Result<Option<Sequence>>;
 
-/// All that a command line names.
+/// All inputs that a command line names.
 pub(super) struct Inputs {
     pub maps: Vec<Map>,
     pub sequences: Vec<Moving>,
 }
 
-/// What kinds of inputs a command line names.
+/// The kinds of inputs that a command line names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kinds {
     pub maps: bool,
     pub configurations: bool,
     /// Numbered panoramas.
     pub panoramas: bool,
-    /// None is named, so those that are built in are taken.
+    /// None is named, so the built-in ones are used.
     pub built_in: bool,
 }
 
-/// What a command line names, one by one.
+/// The inputs that a command line names, one by one.
 ///
 /// # Errors
-/// Kind `Usage` for what has no map.
+/// Kind `Usage` for inputs that have no map.
 pub(super) fn named(arguments: &Arguments) -> Result<Vec<Input>> {
     let configurations = arguments.config.iter().map(|path| Ok(Input::Configuration(path.clone())));
     let inputs: Vec<Input> =
@@ -121,7 +121,7 @@ impl Inputs {
             inputs.sequences.extend(built_in::SEQUENCES.map(Moving::BuiltIn));
             return Ok(Some(inputs));
         }
-        // Sequences first: to open one takes a picture, not all.
+        // Sequences first: opening one reads one picture, not all.
         for input in &named {
             let recorded = match input {
                 Input::Configuration(path) => Recorded::configured(path)?,
@@ -162,7 +162,7 @@ impl Inputs {
     }
 }
 
-/// Refuses what would turn out too short when everything before it was measured.
+/// Refuses a sequence that is too short now, and not only after everything before it has been measured.
 fn check_length((frames, frame_rate_hz): (usize, f64), arguments: &Arguments) -> Result<()> {
     let (least, limit) = (Sequence::least_frames(frame_rate_hz)?, arguments.frame_limit());
     if frames < least {

@@ -24,7 +24,7 @@ pub(super) struct Report<'a> {
     shutdown: &'a Shutdown,
     progress: Progress,
     document: Document,
-    /// What draws pictures, where there are to be any.
+    /// Draws pictures, where any are wanted.
     #[cfg(feature = "render")]
     drawing: Option<Drawing>,
     is_read: bool,
@@ -46,11 +46,11 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Opens all inputs and what draws pictures; `None` when it was interrupted.
+    /// Opens all inputs and the device that draws pictures; `None` when it was interrupted.
     pub fn open(&mut self) -> Result<Option<Inputs>> {
         let reading = |name: &str| self.progress.set_message(format!("reading {name}"));
         let inputs = Inputs::open(self.arguments, self.shutdown, reading);
-        // An error is told below the bar.
+        // An error is printed below the bar.
         let Some(inputs) = inputs.inspect_err(|_| self.progress.finish())? else {
             self.progress.finish();
             return Ok(None);
@@ -163,8 +163,8 @@ impl<'a> Report<'a> {
         Ok(true)
     }
 
-    /// The means over the maps; of the thirteen that there are published figures for these too. Whether to go
-    /// on.
+    /// The means over the maps, and for the thirteen with published figures those figures too. Returns
+    /// whether to go on.
     fn means(&mut self, maps: &[Map], rows: &[stills::Row]) -> Result<bool> {
         let lines = self.document.means.as_ref().map(Table::lines).unwrap_or_default();
         self.show(&lines)?;

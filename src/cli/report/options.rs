@@ -1,4 +1,4 @@
-//! Which options make sense together, beyond what the parser of arguments can tell.
+//! Which options make sense together, beyond the checks of the argument parser.
 
 use super::Arguments;
 use super::inputs::{Kinds, named};

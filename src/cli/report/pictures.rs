@@ -13,7 +13,7 @@ use crate::report::table::Table;
 use crate::report::tables::{self, Origin};
 use crate::scene::Scene;
 
-/// What draws the built-in scene.
+/// The renderer of the built-in scene.
 pub(super) struct Drawing {
     pictures: Pictures,
     /// The adapter's name.
@@ -23,8 +23,8 @@ pub(super) struct Drawing {
 }
 
 impl Drawing {
-    /// Opens the device, where the arguments and the adapter allow pictures; says in the document why where
-    /// not.
+    /// Opens the device, where the arguments and the adapter allow pictures; otherwise says why in the
+    /// document.
     pub fn open(arguments: &Arguments, document: &mut Document, map_count: usize) -> Result<Option<Self>> {
         let Arguments { pictures: is_wanted, tables, .. } = *arguments;
         if map_count == 0 || (tables && !is_wanted) {
@@ -94,7 +94,7 @@ impl Drawing {
     }
 }
 
-/// The command that prints tables of pictures, of one that prints those of lights.
+/// The command that prints tables of pictures, made from one that prints those of lights.
 pub(super) fn with_pictures(command: &str) -> String {
     command.replacen("--tables", "--tables --pictures", 1)
 }

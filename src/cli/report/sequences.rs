@@ -28,13 +28,13 @@ enum Frames {
 }
 
 impl Recorded {
-    /// Opens a configuration and checks all that its first picture can tell.
+    /// Opens a configuration and checks everything that its first picture can show.
     pub fn configured(path: &Path) -> Result<Self> {
         let (config, length) = configuration(path)?;
         Ok(Self { path: path.to_owned(), source: Frames::Configured(Box::new(config)), length })
     }
 
-    /// Opens a folder or a pattern of panoramas. `frame_rate_hz` goes before what the files say.
+    /// Opens a folder or a pattern of panoramas. `frame_rate_hz` takes precedence over the files.
     pub fn panoramas(path: &Path, frame_rate_hz: Option<f64>) -> Result<Self> {
         let sequence = panoramas(path, frame_rate_hz)?;
         let length = length(&sequence);
@@ -88,7 +88,7 @@ fn configuration(path: &Path) -> Result<(Config, (usize, f64))> {
     Ok((config, length))
 }
 
-/// Runs the service that `run` would, as fast as it goes, and keeps its maps.
+/// Runs the service that `run` would, as fast as possible, and keeps its maps.
 fn run(config: &Config, limit: usize, shutdown: &Shutdown) -> Result<Vec<PolarMap>> {
     let own = Shutdown::new();
     let (sender, mut receiver) = link::bounded(2, &own, || PolarMap::black(SHAPE));
@@ -114,7 +114,7 @@ fn panoramas(path: &Path, frame_rate_hz: Option<f64>) -> Result<Sequence> {
         })
     };
     let sequence = open(frame_rate_hz).map_err(|error| {
-        // A pattern that means nothing is no matter of rates.
+        // The error of a wrong pattern has nothing to do with rates.
         if frame_rate_hz.is_none() && error.kind() == Kind::Usage && open(Some(1.0)).is_ok() {
             return Error::usage("the files say no frame rate; give --frame-rate HZ").at(path);
         }

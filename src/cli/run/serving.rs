@@ -1,4 +1,4 @@
-//! `run --listen`: a service whose configuration can be taken anew (SIGHUP) while its clients stay connected.
+//! `run --listen`: a service whose configuration can be reloaded (SIGHUP) while its clients stay connected.
 
 use super::systemd::Watchdog;
 use super::{Arguments, OutputFile, ends, watch};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A service with a server, whose configuration can be taken anew.
+/// A service with a server, whose configuration can be reloaded.
 pub(super) struct Serving<'a> {
     pub arguments: &'a Arguments,
     pub signals: &'a SignalWatch,
@@ -24,7 +24,7 @@ pub(super) struct Serving<'a> {
 }
 
 impl Serving<'_> {
-    /// Runs services until one ends by itself or the program is to end.
+    /// Runs services until one ends by itself or the program should end.
     ///
     /// # Errors
     /// When the first cannot start, and when one fails.
@@ -56,8 +56,8 @@ impl Serving<'_> {
         Ok((Service::start(config, ends, &ending)?, ending))
     }
 
-    /// Starts with a configuration that has worked: if it does not now, a device is away, and is waited for;
-    /// SIGHUP can bring another. `None`: the program is to end.
+    /// Starts with a configuration that has worked before: if it fails now, a device is missing, and is
+    /// waited for; SIGHUP can load another configuration. `None`: the program should end.
     fn start_as_before(&mut self, config: &mut Config, record: Option<&Path>) -> Option<(Service, Shutdown)> {
         let mut attempts = BackOff::new(FIRST_WAIT, LONGEST_WAIT);
         loop {
@@ -81,7 +81,7 @@ impl Serving<'_> {
         }
     }
 
-    /// Runs one service until its end; what to go on with, if there is anything.
+    /// Runs one service until its end; returns what to continue with, if there is anything.
     fn run(&mut self, (service, ending): (Service, Shutdown)) -> Result<Option<Next>> {
         let mut next = None;
         let summary = service.summary().with(self.server.metrics().clone());
@@ -112,7 +112,7 @@ impl Serving<'_> {
         match (outcome, next) {
             (outcome, None) => outcome.map(|()| None),
             (Ok(()), next) => Ok(next.filter(|_| !self.shutdown.is_requested())),
-            // What has gone wrong before is over with the service that it went wrong in.
+            // An earlier error ends with the service in which it occurred.
             (Err(error), next) => {
                 tracing::error!("the service before has ended with an error: {error}");
                 Ok(next.filter(|_| !self.shutdown.is_requested()))
@@ -129,18 +129,18 @@ impl Serving<'_> {
     }
 }
 
-/// What a service is started anew with.
+/// What a service is restarted with.
 struct Next {
     config: Config,
     options: ServerOptions,
 }
 
-/// Waits between attempts to start with a configuration that has worked: the first, doubled from time to
-/// time, and the last.
+/// Waits between attempts to start with a configuration that has worked: the first, which is doubled after
+/// every attempt, and the longest.
 const FIRST_WAIT: Duration = Duration::from_millis(250);
 const LONGEST_WAIT: Duration = Duration::from_secs(8);
 
-/// Where a service that was started anew records: FOLDER-2, FOLDER-3, ..., the first that is free.
+/// Where a restarted service records: FOLDER-2, FOLDER-3, ..., the first that is free.
 fn next_folder(folder: &Path) -> PathBuf {
     let numbered = |number: u64| {
         let mut name = folder.as_os_str().to_owned();

@@ -1,14 +1,14 @@
-//! What a service tells systemd (Type=notify): that it is ready, that it gets on, that it ends. Elsewhere
-//! nothing is told.
+//! Notifications from a service to systemd (Type=notify): that it is ready, that it makes progress, that it
+//! ends. Without systemd nothing is sent.
 
 use crate::service::Summary;
 use sd_notify::NotifyState;
 use std::time::{Duration, Instant};
 
-/// Tells systemd how a run gets on. The watchdog is fed by progress, never by time alone: a stage on the way
-/// to the clients that hangs lets it starve.
+/// Tells systemd how a run progresses. The watchdog gets a keep-alive only on progress, never by time alone,
+/// so it fires when a stage on the way to the clients hangs.
 pub(super) struct Watchdog {
-    /// How often it has to be fed; `None`: there is none.
+    /// How often it needs a keep-alive; `None`: there is no watchdog.
     hunger: Option<Duration>,
     is_ready: bool,
     progress: u64,
@@ -36,7 +36,7 @@ impl Watchdog {
         }
     }
 
-    /// Before a configuration is looked at anew.
+    /// Called before a configuration is reloaded.
     pub fn reloading(&self) {
         if self.is_ready
             && let Ok(now) = NotifyState::monotonic_usec_now()
@@ -45,19 +45,19 @@ impl Watchdog {
         }
     }
 
-    /// After a configuration that was not taken.
+    /// Called after a configuration was refused.
     pub fn stays(&self) {
         if self.is_ready {
             tell(&[NotifyState::Ready]);
         }
     }
 
-    /// After one that was: the next list makes the service ready again.
+    /// Called after a configuration was accepted: the next list makes the service ready again.
     pub fn starts_anew(&mut self) {
         (self.is_ready, self.progress) = (false, 0);
     }
 
-    /// At the end.
+    /// Called at the end.
     pub fn stopping(&self) {
         tell(&[NotifyState::Stopping]);
     }

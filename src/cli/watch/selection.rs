@@ -1,7 +1,7 @@
 use crate::wire::Subscription;
 use lightcast_core::light::{Light, LightList, Prefixes};
 
-/// Takes of lists in a file what a server would send of them.
+/// Selects from the lists of a file what a server would send.
 pub(super) struct Selection {
     subscription: Subscription,
     /// Capture time of the next list that the rate lets through.
@@ -15,8 +15,8 @@ impl Selection {
         Self { subscription, due_ns: None, prefixes: Prefixes::default(), joined: Vec::new() }
     }
 
-    /// Shortens a list to the lights that are wanted; false where its time has not come. The error of a
-    /// length that the list says nothing of is not known.
+    /// Shortens a list to the lights that are wanted; false if it is not due yet. For a length whose error
+    /// the list does not give, the error is unknown.
     pub fn take(&mut self, list: &mut LightList) -> bool {
         let Some(due_ns) = self.subscription.due_after(self.due_ns, &list.stamp) else { return false };
         self.due_ns = due_ns;

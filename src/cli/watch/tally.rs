@@ -6,9 +6,9 @@ use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
 
-/// What came since the last line that was told.
+/// What has arrived since the last line was printed.
 pub(super) struct Tally {
-    /// Whether anything is told.
+    /// Whether anything is printed.
     is_told: bool,
     since: Instant,
     lists: u64,
@@ -21,7 +21,7 @@ pub(super) struct Tally {
     error: Option<f32>,
 }
 
-/// Ages that are kept of a second.
+/// Most ages that are kept for a second.
 const AGES_MAX: usize = 10_000;
 
 impl Tally {
@@ -56,7 +56,7 @@ impl Tally {
         }
     }
 
-    /// Tells, when a second has passed, what came in it; `bytes` came so far from a server.
+    /// Prints, when a second has passed, what arrived in it; `bytes` is the total from a server so far.
     pub fn tell_each_second(&mut self, bytes: u64) {
         let elapsed = self.since.elapsed();
         if elapsed >= Duration::from_secs(1) {
@@ -64,7 +64,7 @@ impl Tally {
         }
     }
 
-    /// Tells what came since, if anything did.
+    /// Prints what has arrived since then, if anything has.
     pub fn tell_rest(&mut self, bytes: u64) {
         if self.lists > 0 {
             self.tell(bytes, self.since.elapsed());
@@ -74,7 +74,7 @@ impl Tally {
     fn tell(&mut self, bytes: u64, elapsed: Duration) {
         if self.is_told {
             let line = self.line(bytes, elapsed.as_secs_f64());
-            // Nothing is left to do where even messages have nowhere to go.
+            // Nothing can be done if even messages cannot be written.
             PROGRESS.suspend(|| {
                 let _ = writeln!(io::stderr(), "{line}");
             });

@@ -15,7 +15,7 @@ fn run(map: &PolarMap, count: usize) -> Vec<Light> {
     lights
 }
 
-/// Sum over pixels of flux times squared distance to the nearest site, the slow way.
+/// Sum over pixels of flux times squared distance to the nearest site, by brute force.
 fn energy(map: &PolarMap, sites: &[[f32; 3]]) -> f64 {
     let mut sum = 0.0;
     for row in 0..map.shape.rows() {
@@ -114,7 +114,7 @@ fn power_is_kept_on_hard_maps_and_without_light_sites_stay() {
             for channel in 0..3 {
                 let sum: f64 = lights.iter().map(|light| f64::from(light.irradiance[channel])).sum();
                 let expected = map.power()[channel];
-                // Below 1e-38 f32 has fewer digits.
+                // Below 1e-38 f32 has less precision.
                 let tolerance = if name == "tiny values" { 0.05 } else { 1e-5 };
                 assert!((sum - expected).abs() <= tolerance * expected, "{name} {count}: {sum} {expected}");
             }

@@ -11,14 +11,14 @@ fn energy(pixels: &Pixels<'_>, rectangle: &Rectangle) -> f64 {
     luminance_f64(pixels.share(rectangle, Content::Light).flux)
 }
 
-/// How many of the rectangles have pixels that `is_of` says belong to a source.
+/// Number of rectangles with pixels of a source, which `is_of` identifies.
 fn count_sharing(rectangles: &[Rectangle], is_of: impl Fn(usize, usize) -> bool) -> usize {
     let shares =
         |r: &&Rectangle| r.rows.clone().any(|row| r.columns.clone().any(|column| is_of(row, column)));
     rectangles.iter().filter(shares).count()
 }
 
-/// Every pixel lies in one rectangle.
+/// Checks that every pixel lies in exactly one rectangle.
 fn check_tiling(case: &str, map: &PolarMap, rectangles: &[Rectangle]) {
     let mut visits = vec![0; map.pixels.len()];
     for Rectangle { rows, columns } in rectangles {
@@ -33,7 +33,7 @@ fn check_tiling(case: &str, map: &PolarMap, rectangles: &[Rectangle]) {
 
 #[test]
 fn regions_of_a_smooth_map_are_even_in_energy() {
-    // Fine pixels and a sky that brightens smoothly towards one side: each of six cuts can only be off by
+    // With fine pixels and a sky that brightens smoothly towards one side, each of six cuts is off by at most
     // half a slice.
     let shape = PolarShape::hemisphere(1440, 720);
     let map = PolarMap::from_fn(shape, |row, column| {
@@ -53,11 +53,11 @@ fn regions_of_a_smooth_map_are_even_in_energy() {
 
 #[test]
 fn a_constant_map_gives_even_rectangles() {
-    // As seen at its middle, this map is 4.3 rad wide and 1.5 rad high: two cuts across the azimuth come
-    // first.
+    // At its middle row, this map is 4.3 rad wide, and it is 1.5 rad high: the first two cuts divide the
+    // azimuth.
     let shape = PolarShape::new(320, 5, 1.5).unwrap();
     for map in [PolarMap::from_fn(shape, |_, _| [3.0; 3]), PolarMap::black(shape)] {
-        // In the order of the cuts: the first 2^k lie in different regions of round k.
+        // The order is that of the cuts: the first 2^k lie in different regions of round k.
         let expected = [0, 160, 80, 240].map(|start| Rectangle { rows: 0..5, columns: start..start + 80 });
         assert_eq!(regions(&Pixels::new(&map), 4), expected);
     }
@@ -68,7 +68,7 @@ fn powers_of_two_are_rounds_and_what_is_between_cuts_the_brightest() {
     let map = PolarMap::from_fn(SHAPE, |row, column| [(1 + row * column % 17) as f32; 3]);
     let pixels = Pixels::new(&map);
     let (eight, eleven, sixteen) = (regions(&pixels, 8), regions(&pixels, 11), regions(&pixels, 16));
-    // Every region of 16 is half of the region of 8 at its place.
+    // Every region of 16 is half of the region of 8 with the same index.
     for (index, parent) in eight.iter().enumerate() {
         let [first, second] = [&sixteen[index], &sixteen[index + 8]];
         let both = energy(&pixels, first) + energy(&pixels, second);
@@ -112,11 +112,11 @@ fn lights_are_the_power_of_their_regions() {
     }
 }
 
-/// The finding of Viriyothai and Debevec (2009): median cut cuts through the brightest source, as an even
+/// The result of Viriyothai and Debevec (2009): median cut cuts through the brightest source, as an even
 /// division of energy must, and their method does not.
 #[test]
 fn cuts_go_through_the_brightest_source_where_variance_minimisation_spares_it() {
-    // A sun of 4 x 4 pixels with nearly all of the light.
+    // A sun of 4 x 4 pixels with nearly all the light.
     let is_sun = |row: usize, column: usize| (30..34).contains(&row) && (200..204).contains(&column);
     let map = PolarMap::from_fn(SHAPE, |r, c| if is_sun(r, c) { [1e6; 3] } else { [1.0; 3] });
     let pixels = Pixels::new(&map);
@@ -124,7 +124,7 @@ fn cuts_go_through_the_brightest_source_where_variance_minimisation_spares_it() 
     assert_eq!(count_sharing(&even, is_sun), 16);
     let shared = count_sharing(&of_little_variance, is_sun);
     assert!(shared < 16, "{shared}");
-    // Before a cut isolates the sun, median cut has gone through it already.
+    // Median cut has cut through the sun before a cut isolates it.
     let first = |count| count_sharing(&regions(&pixels, count), is_sun);
     assert!(first(2) == 2 && first(4) > 2, "{} {}", first(2), first(4));
     assert_eq!(count_sharing(&variance_minimisation::regions(&pixels, 4), is_sun), 1);
@@ -138,7 +138,7 @@ fn cuts_go_through_the_brightest_source_of_real_maps() {
             .max_by(|&a, &b| map.luminance(a / 360, a % 360).total_cmp(&map.luminance(b / 360, b % 360)))
             .unwrap();
         let limit = 0.5 * map.luminance(brightest / 360, brightest % 360);
-        // The pixels of half its luminance within 5 of it either way.
+        // The pixels with at least half its luminance within 5 pixels in either direction.
         let is_source = |row: usize, column: usize| {
             let apart = column.abs_diff(brightest % 360);
             row.abs_diff(brightest / 360) <= 5

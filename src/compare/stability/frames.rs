@@ -19,12 +19,12 @@ fn frame(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Fr
 const WIDTH: usize = 64;
 const HEIGHT: usize = 32;
 
-/// A panorama of ones with one sample that is not.
+/// A panorama of ones, except for one sample.
 fn ones_but(bad: f32) -> Frame {
     frame(WIDTH, HEIGHT, |x, y| if [x, y] == [40, 10] { bad } else { 1.0 })
 }
 
-/// Luminous power of the map that a panorama is averaged to.
+/// Luminous power of the map to which a panorama is resampled.
 fn power_of_map(panorama: &Frame) -> Result<f64> {
     let centres = LatLongCentres::Half;
     let projection = Projection::LatLong { width: WIDTH, height: HEIGHT, centres };
@@ -37,7 +37,7 @@ fn power_of_map(panorama: &Frame) -> Result<f64> {
     Ok(luminance_f64(map.power()))
 }
 
-/// A panorama of one channel as a map of its own pixels, each as `value` has it.
+/// A panorama of one channel as a map of the same pixels, each mapped by `value`.
 fn as_map(panorama: &Frame, value: impl Fn(f32) -> f32) -> PolarMap {
     let Pixels::Radiance(values) = &panorama.pixels else { return PolarMap::black(PolarShape::sphere(1, 1)) };
     PolarMap::from_fn(PolarShape::sphere(WIDTH, HEIGHT), |row, column| {
@@ -61,8 +61,9 @@ fn of_sample(case: &'static str, input: &'static str, panorama: &Frame) -> Resul
     ))
 }
 
-/// A sample of 1e5, which no half float holds, through files of half floats: one that is recorded here, in
-/// which it is the largest there is, and one that is written without a look, in which it is infinity.
+/// A sample of 1e5, which exceeds the range of half floats, through files of half floats: one that is
+/// recorded here, in which it becomes the largest finite value, and one that is written naively, in which it
+/// becomes infinity.
 fn half_floats() -> Result<[Row; 2]> {
     let case = "half-float overflow";
     let panorama = ones_but(1e5);
@@ -110,7 +111,7 @@ fn pixel_solid_angle(lens: &LensParameters, [x, y]: [usize; 2]) -> f64 {
     sum / (lens.fx * lens.fy * (STEPS * STEPS) as f64)
 }
 
-/// A small sun 100 degrees from the axis of a lens that sees 110.
+/// A small sun 100 degrees from the axis of a lens that sees up to 110 degrees.
 fn wide_lens() -> Result<Row> {
     let parameters = parameters(220.0, [0.0; 4]);
     let lens = Lens::new(parameters)?;
@@ -123,7 +124,7 @@ fn wide_lens() -> Result<Row> {
         &Response::default(),
         &mut map,
     )?;
-    // As one writes it down at first: every pixel of the map is looked up where the lens sees its centre.
+    // The naive method: every pixel of the map is looked up where the lens projects its centre.
     let camera_from_world = LOOKING_UP.transpose();
     let looked_up = PolarMap::from_fn(shape, |row, column| {
         let at = lens.project(camera_from_world * shape.pixel_direction(row, column));
@@ -139,7 +140,8 @@ fn wide_lens() -> Result<Row> {
     ))
 }
 
-/// A lens whose radius shrinks again inside its field of view: how much of the field is folded over the rest.
+/// A lens whose radius decreases again inside its field of view: how much of the field is folded over the
+/// rest.
 fn folded_lens() -> Row {
     let parameters = parameters(180.0, [-0.3, 0.0, 0.0, 0.0]);
     // In steps of a degree, in f32: r(theta) = theta + k1 theta^3.

@@ -18,7 +18,7 @@ const SUN: [f32; 3] = [1e6, 9e5, 8e5];
 const POWER: Bound = Bound::Relative(1e-6);
 const NONE: Bound = Bound::Absolute(0.0);
 
-/// Ours and the plain lights of a map.
+/// Our lights and the naive lights of a map.
 fn both(map: &PolarMap) -> Result<[Vec<Light>; 2]> {
     let options = Options { count: COUNT, ..Options::default() };
     let mut list = LightList::default();
@@ -109,12 +109,12 @@ fn large() -> Row {
     )
 }
 
-/// A pixel of 1e8 over others.
+/// A pixel of 1e8 on a background of `dark`.
 fn bright_pixel(dark: f32) -> PolarMap {
     PolarMap::from_fn(SHAPE, |row, column| [if (row, column) == (40, 200) { 1e8 } else { dark }; 3])
 }
 
-/// Every other row is dark.
+/// A map in which every other row is dark.
 fn striped() -> Result<Vec<Row>> {
     let map = PolarMap::from_fn(SHAPE, |row, _| [(row % 2) as f32; 3]);
     let (case, input) = ("rows of zeros", "every other row is dark");

@@ -1,4 +1,4 @@
-//! Hard sequences: what the filter lets out, and what wears out.
+//! Hard sequences: the output of the filter, and errors that accumulate over time.
 
 use super::super::plain_paper;
 use super::maps::{power, reference};
@@ -16,7 +16,7 @@ const RATE_HZ: f64 = 25.0;
 const UP: [f32; 3] = [0.0, 1.0, 0.0];
 const DOWN: [f32; 3] = [0.0, -1.0, 0.0];
 
-/// Both filters on one light.
+/// Our filter and the naive one on one light.
 struct Both {
     ours: RateFilter,
     plain: Option<plain_paper::Filter>,
@@ -29,8 +29,8 @@ impl Both {
         Ok(Self { ours, plain: None, filtered: ReferencedList::default() })
     }
 
-    /// Direction and power that leave, ours and plain, when these come in at a time in frames, after `lost`
-    /// lost ones.
+    /// Filtered direction and power, ours and naive, for these inputs at a time in frames, after `lost` lost
+    /// frames.
     fn step(
         &mut self,
         direction: [f32; 3],
@@ -73,17 +73,17 @@ fn strobe() -> Result<[Row; 2]> {
     ])
 }
 
-/// A source that is up in one frame and down in the next: the weighted directions nearly cancel.
+/// A source that alternates between up and down from frame to frame: the weighted directions nearly cancel.
 fn opposite() -> Result<Row> {
     let mut both = Both::new()?;
     let mut worst = [0.0f64; 2];
     for frame in 0..100 {
-        // The filter delays by 4 frames, an even number: what leaves is where the source is now.
+        // The filter delays by 4 frames, an even number: its output has the source's current direction.
         let now = if frame % 2 == 0 { UP } else { DOWN };
         for (i, (direction, _)) in both.step(now, 1.0, 0, frame)?.into_iter().enumerate() {
             let [a, b] = [direction, now].map(|d| DVec3::from(d.map(f64::from)));
             if frame > 16 {
-                // A NaN stays.
+                // A NaN is kept.
                 worst[i] = if worst[i] >= angle_between(a, b) { worst[i] } else { angle_between(a, b) };
             }
         }
@@ -97,7 +97,7 @@ fn opposite() -> Result<Row> {
     Ok(row(names, plain, ours, 0.0, Bound::Absolute(1e-3)))
 }
 
-/// A sun of one pixel that goes round a hundred times, a column a frame.
+/// A sun of one pixel that makes a hundred turns, one column per frame.
 fn turns() -> Result<[Row; 2]> {
     let shape = PolarShape::hemisphere(72, 18);
     let options = Options { count: 32, ..Options::default() };
@@ -135,7 +135,8 @@ fn turns() -> Result<[Row; 2]> {
     ])
 }
 
-/// Four frames are missing while a lamp becomes brighter: held, they are part of the filter's history.
+/// Four frames are missing while a lamp becomes brighter: the last frame is held for them in the filter's
+/// history.
 fn gap() -> Result<Row> {
     let taps = low_pass(RATE_HZ, &FilterOptions::default())?;
     let inputs = [(1.0f32, 0), (1.0, 0), (1.0, 0), (3.0, 0), (3.0, 4)];
@@ -156,7 +157,7 @@ fn gap() -> Result<Row> {
     Ok(row(names, last[1], last[0], expected, Bound::Relative(1e-6)))
 }
 
-/// The clock runs backwards: another recording begins.
+/// The clock runs backwards because another recording begins.
 fn backwards() -> Result<Row> {
     let mut both = Both::new()?;
     for frame in 100..120 {

@@ -21,7 +21,7 @@ fn levels_are_multiples_of_the_deviation() {
 
 #[test]
 fn components_hang_together_across_the_seam_and_over_the_pole() {
-    // Two bright patches that touch over phi = 0, two that touch over the pole, one by itself.
+    // Two bright patches that touch across phi = 0, two that touch across the pole, one isolated.
     let bright = [(5, 0), (5, 35), (0, 3), (0, 20), (7, 12)];
     let map = PolarMap::from_fn(SHAPE, |r, c| [if bright.contains(&(r, c)) { 100.0 } else { 1.0 }; 3]);
     let (found, members) = components(&map);
@@ -63,8 +63,9 @@ fn samples_are_in_proportion_to_importance_and_no_more_than_pixels() {
 
 #[test]
 fn samples_lie_at_least_as_far_apart_as_any_pixel_from_its_nearest() {
-    // What makes the farthest-point rule a 2-approximation: no set of as many can cover the component with
-    // half of that distance, as two of these points and one further pixel would share one of its discs.
+    // The reason why the farthest-point rule is a 2-approximation: no set of as many points can cover the
+    // component with discs of half that radius, because two of these points, or one of them and the farthest
+    // pixel, would share a disc.
     let map = PolarMap::from_fn(PolarShape::hemisphere(144, 36), |_, _| [1.0; 3]);
     let mut radii = Vec::new();
     for count in [16, 64, 256] {
@@ -83,7 +84,7 @@ fn samples_lie_at_least_as_far_apart_as_any_pixel_from_its_nearest() {
         assert!(least >= radius - 1e-9, "{count}: {least} {radius}");
         radii.push(radius);
     }
-    // Four times the samples cover with about half the radius.
+    // Four times as many samples cover it with about half the radius.
     for pair in radii.windows(2) {
         assert!((0.4..0.6).contains(&(pair[1] / pair[0])), "{radii:?}");
     }
@@ -104,14 +105,14 @@ fn hard_maps_have_no_more_samples_than_pixels_and_a_stratum_for_each_pixel() {
     }
 }
 
-/// The paper's finding: less error than importance sampling by plain inversion, with as many samples. It is
-/// about diffuse surfaces and shadows, of which that holds on every map; of gloss it holds on all but two
-/// with 64 lights.
+/// The paper's result: less error than importance sampling by plain inversion, with as many samples. The
+/// paper considers diffuse surfaces and shadows, for which it holds on every map; for glossy surfaces it
+/// holds on all but two with 64 lights.
 #[test]
 fn real_maps_have_less_error_than_by_plain_inversion() {
     let shape = PolarShape::hemisphere(360, 90);
     let (mut lights, mut list) = (Vec::new(), LightList::default());
-    // Of every measure and number of lights, ratios of the errors over the maps.
+    // For every measure and number of lights, ratios of the errors on all maps.
     let mut ratios: [Vec<f64>; 6] = Default::default();
     for (name, map) in real_maps(shape) {
         let reference = Reference::new(&map);

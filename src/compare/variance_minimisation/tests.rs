@@ -4,7 +4,7 @@ use glam::DVec3;
 use lightcast_core::image::{PolarMap, PolarShape, luminance_f64};
 use lightcast_core::test_data::real_maps;
 
-/// The paper's sum, with the distance to a direction.
+/// The paper's sum, computed directly, with the distance to a direction.
 fn variance_slowly(map: &PolarMap, rectangle: &Rectangle, centroid: DVec3) -> f64 {
     let mut sum = 0.0;
     for row in rectangle.rows.clone() {

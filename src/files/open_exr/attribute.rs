@@ -1,4 +1,4 @@
-//! What a recorded file says beside the standard attributes of OpenEXR, as attributes of type string.
+//! What a recorded file holds besides the standard attributes of OpenEXR, as attributes of type string.
 
 use crate::error::{Error, Result};
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
@@ -15,7 +15,7 @@ const BAYER: &str = "lightcastBayer";
 /// Capture time in nanoseconds, by the clock of the camera that was recorded.
 const CAPTURE_TIME: &str = "lightcastCaptureTimeNs";
 
-/// Frames per second to the last digit; 0 where the camera has no rate.
+/// Frames per second without rounding; 0 where the camera has no rate.
 const FRAME_RATE: &str = "lightcastFrameRateHz";
 
 /// The lens of the camera, as in a calibration file.
@@ -31,7 +31,7 @@ pub(super) struct Recorded {
     pub(super) frame_rate_hz: Option<f64>,
 }
 
-/// Reads the attributes of a part, of which the channels `names` are taken.
+/// Reads the attributes of a part whose channels `names` are used.
 pub(super) fn read(header: &Header, names: &[&str]) -> Result<Recorded> {
     let text = |name: &str| match header.own_attributes.other.get(Text::from(name).as_slice()) {
         Some(AttributeValue::Text(text)) => Some(text.to_string()),

@@ -77,7 +77,7 @@ fn mip_maps_and_rip_maps_give_their_full_resolution() {
         line_order: LineOrder::Increasing,
     };
     let full = floats(10 * 6, 0.0);
-    // 10 x 6, then halved and rounded down in both directions: 5 x 3, 2 x 1, 1 x 1.
+    // 10 x 6, then halved in both directions and rounded down: 5 x 3, 2 x 1, 1 x 1.
     let levels = vec![full.clone(), floats(15, 1000.0), floats(2, 2000.0), floats(1, 3000.0)];
     let mip = Levels::Mip { rounding_mode: RoundingMode::Down, level_data: levels };
     // The same with each direction halved on its own: widths 10, 5, 2, 1 for heights 6, 3, 1.
@@ -112,7 +112,7 @@ fn lossy_compressions_come_close() {
         let file = bytes(vec![part("a", (64, 64), encoding, channels(&[("Y", halves.clone())]))]);
         read_bytes(&file, &mut frame).unwrap();
         let Pixels::Radiance(decoded) = &frame.pixels else { panic!("codes") };
-        // B44 keeps 6 bits of the difference in a block of 4 x 4, DWA at its default 45 about as much.
+        // B44 keeps 6 bits of the difference in a block of 4 x 4, DWA at its default level 45 about as many.
         for (value, expected) in decoded.iter().zip(&values) {
             assert!((value - expected).abs() < 0.02, "{compression}: {value} for {expected}");
         }
@@ -182,8 +182,8 @@ fn wrong_channel_sets_luminance_chroma_and_deep_files_are_refused_by_name() {
     assert!(error.starts_with("has the channels G, R, Z; R, G and B, or Y,"), "{error}");
     let chroma = file(&[("Y", some()), ("RY", some()), ("BY", some())]);
     assert!(refusal(&chroma).contains("luminance and chroma"));
-    // `exr` writes no subsampled channels; make one by hand: after the name stand type, linearity and
-    // sampling.
+    // `exr` does not write subsampled channels, so one is made by hand: the name is followed by type,
+    // linearity and sampling.
     let mut quarter = chroma.clone();
     let name = chroma.windows(4).position(|window| window == b"RY\0\x02").expect("a float channel");
     (quarter[name + 11], quarter[name + 15]) = (2, 2);
@@ -204,7 +204,7 @@ fn truncated_and_absurd_files_say_so() {
         let error = refusal(&file[..length]);
         assert!(error.contains("complete?") || error.contains("truncated"), "{length} bytes: {error}");
     }
-    // Data window from (0, 0) to (39, 39): make it 2^20 wide, or 16384 high with a file of a few kB.
+    // Data window from (0, 0) to (39, 39): it is made 2^20 wide, or 16384 high in a file of a few kB.
     let window = b"dataWindow\0box2i\0\x10\0\0\0\0\0\0\0\0\0\0\0\x27\0\0\0\x27\0\0\0";
     let wide = b"dataWindow\0box2i\0\x10\0\0\0\0\0\0\0\0\0\0\0\xff\xff\x0f\0\x27\0\0\0";
     let high = b"dataWindow\0box2i\0\x10\0\0\0\0\0\0\0\0\0\0\0\x27\0\0\0\xff\x3f\0\0";
@@ -221,7 +221,7 @@ fn block_that_comes_twice_is_damage_and_not_an_old_frame_shining_through() {
         line_order: LineOrder::Increasing,
     };
     let file = bytes(vec![part("a", (3, 2), encoding, channels(&[("Y", floats(6, 0.0))]))]);
-    // Two blocks of 8 + 12 bytes end the file, the table of two offsets stands before them.
+    // Two blocks of 8 + 12 bytes end the file, preceded by the table of two offsets.
     let table = file.len() - 2 * 20 - 16;
     let mut doubled = file.clone();
     doubled.copy_within(table..table + 8, table + 8);
@@ -239,7 +239,8 @@ fn dwa_counters_beyond_reason_are_refused_before_they_are_believed() {
     let halves = FlatSamples::F16((0..4096).map(|n| f16::from_f32((n % 61) as f32)).collect());
     let file = bytes(vec![part("a", (64, 64), encoding, channels(&[("Y", halves)]))]);
     assert!(read_bytes(&file, &mut Frame::default()).is_ok());
-    // The block starts with y = 0, its size, and the version 2 as first counter; AC values are the ninth.
+    // The block starts with y = 0, its size, and version 2 as the first counter; the count of AC values is
+    // the ninth.
     let version = [2_u8, 0, 0, 0, 0, 0, 0, 0];
     let start = file.windows(8).rposition(|window| window == version).expect("a DWA block");
     let mut absurd = file.clone();
@@ -249,7 +250,7 @@ fn dwa_counters_beyond_reason_are_refused_before_they_are_believed() {
 
 #[test]
 fn dwa_tiles_that_are_cut_and_stored_raw_are_read() {
-    // Noise does not shrink: the tiles are stored as they are, those at the edges with fewer bytes.
+    // Noise does not compress: the tiles are stored as they are, those at the edges with fewer bytes.
     let noise = |n: u32| f16::from_f32((n.wrapping_mul(2_654_435_761) >> 24) as f32);
     let values: Vec<f16> = (0..48 * 40).map(noise).collect();
     let encoding = Encoding {

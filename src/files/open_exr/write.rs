@@ -13,13 +13,13 @@ use std::path::Path;
 /// Writes radiance as an OpenEXR file, channels `R`, `G`, `B` (and `A`) or `Y`, ZIP-compressed (lossless)
 /// scan lines.
 ///
-/// `half` halves the size: 11 bits of precision, values from 65520 up become infinite. The frame rate goes
-/// into `framesPerSecond`. The same frame gives the same bytes each time.
+/// `half` halves the size, with 11 bits of precision; values from 65520 up become infinite. The frame rate is
+/// stored as `framesPerSecond`. The same frame always produces the same bytes.
 ///
 /// # Errors
 ///
-/// A frame of sensor codes (those go into [`write_png16`](crate::files::write_png16)) or of the wrong length,
-/// a frame rate that is not a positive number, a file that cannot be written.
+/// A frame of sensor codes (for which there is [`write_png16`](crate::files::write_png16)) or of the wrong
+/// length, a frame rate that is not a positive number, a file that cannot be written.
 pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: bool) -> Result<()> {
     let Pixels::Radiance(_) = &frame.pixels else {
         return Err(Error::failed("holds sensor codes, which are written as 16-bit PNG").at(path));
@@ -33,7 +33,8 @@ pub fn write_exr(path: &Path, frame: &Frame, frame_rate_hz: Option<f64>, half: b
     write(path, frame, attributes, Compression::ZIP16, half)
 }
 
-/// A polar map as an OpenEXR file in memory: columns are azimuth, rows the polar angle, three float channels.
+/// A polar map as an OpenEXR file in memory: columns are azimuth, rows are polar angle, with three float
+/// channels.
 ///
 /// # Errors
 /// A map of the wrong length.
@@ -60,12 +61,13 @@ pub fn encode_exr(frame: &Frame, half: bool) -> Result<Vec<u8>> {
 
 /// Writes a frame of a live recording: sensor codes as `uint` channels (lossless), radiance as floats or,
 /// `half`, as half floats; uncompressed, so that a recording keeps up with the camera. The attributes
-/// `framesPerSecond`, `expTime` (seconds) and those of our own tell rate, exposure, capture time, the
+/// `framesPerSecond`, `expTime` (seconds) and our own record the rate, the exposure, the capture time, the
 /// sensor's mosaic and, as text, the lens.
 ///
 /// # Errors
 ///
-/// As [`write_exr`], but for codes. The error of a full disk has the system's own as its source.
+/// As [`write_exr`], except that codes are accepted. The error of a full disk has the system's error as its
+/// source.
 pub fn write_recorded_exr(
     path: &Path,
     frame: &Frame,
@@ -76,8 +78,8 @@ pub fn write_recorded_exr(
     let attributes = || {
         let rate_hz = frame.stamp.frame_rate_hz;
         let mut attributes = LayerAttributes {
-            // For others; our own attribute has the rate without rounding, and those that this one cannot
-            // hold.
+            // This is for other programs; our own attribute has the rate without rounding, and rates that
+            // this one cannot hold.
             frames_per_second: rational(rate_hz).ok(),
             exposure: exposure_s.map(|seconds| seconds as f32),
             ..LayerAttributes::default()
@@ -147,9 +149,9 @@ fn samples(frame: &Frame, place: usize, half: bool) -> FlatSamples {
     }
 }
 
-/// A rate as OpenEXR stores it: a whole number, an NTSC rate (24000/1001 and its kin), or millionths.
+/// A rate as OpenEXR stores it: a whole number, an NTSC rate (such as 24000/1001), or millionths.
 fn rational(rate_hz: f64) -> Result<(i32, u32)> {
-    // 23.976 and 29.97 are how people write 24000/1001 and 30000/1001: right to 1e-6.
+    // 23.976 and 29.97 are common notations for 24000/1001 and 30000/1001, accurate to 1e-6.
     for (divisor, tolerance) in [(1_u32, 1e-12), (1001, 2e-6), (1_000_000, f64::INFINITY)] {
         let count = (rate_hz * f64::from(divisor)).round();
         let deviation = (count / f64::from(divisor) / rate_hz - 1.0).abs();
@@ -182,7 +184,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         let mut read_back = Frame::default();
-        // 37 rows: the last block of 16 scan lines is cut. Quarters below 512 are exact in half precision.
+        // 37 rows: the last block of 16 scan lines is incomplete. Multiples of 1/4 below 512 are exact in
+        // half precision.
         for (channels, half) in [(1, true), (3, true), (1, false), (3, false)] {
             let frame = ramp(13, 37, channels);
             write_exr(&path, &frame, Some(25.0), half).unwrap();

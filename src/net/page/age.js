@@ -1,12 +1,12 @@
-// How old lists are when they arrive, though the clocks of the server and of this device may differ.
+// The age of lists when they arrive, although the clocks of the server and of this device may differ.
 
-/** Time that a fastest journey is remembered for, in how many parts. */
+/** Length of a part of the time for which the fastest transmission is remembered, and the number of parts. */
 const PART_MS = 5000;
 const PARTS = 12;
 
 /**
- * The server's clock says how long a list took from its capture to its sending. Of the journey only what it takes longer
- * than the fastest one of the last minute is known, and counts.
+ * The server's clock gives the time from the capture of a list to its sending. Of the transmission time, only
+ * the excess over the fastest one of the last minute is known, and is added.
  */
 export class Age {
   #fastest = [];
@@ -25,7 +25,7 @@ export class Age {
     this.#newest_ms = capture_utc_ns === null ? null : (sent_utc_ns - capture_utc_ns) / 1e6 + journey_ms - least_ms;
   }
 
-  /** Of the newest list, in milliseconds; null where its capture time is unknown. */
+  /** Age of the newest list in milliseconds; null where its capture time is unknown. */
   get ms() {
     return this.#newest_ms;
   }

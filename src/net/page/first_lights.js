@@ -1,10 +1,10 @@
-// A list made shorter, as the server makes them.
+// Shortens a list as the server does.
 
 import { luminance } from "/gl.js";
 
 /**
- * The first `count` lights, which the others have joined: each the nearest of them, so that the power is kept. Directions
- * and spreads become those of what they stand for together.
+ * The first `count` lights, which the others have joined: each joins the nearest of them, so that the power
+ * is kept. Directions and spreads become those of the joined lights together.
  */
 export function firstLights(lights, count) {
   if (count >= lights.length) return lights;
@@ -12,7 +12,7 @@ export function firstLights(lights, count) {
   lights.forEach((light, index) => join(index < count ? heads[index] : nearest(heads, light.direction), light));
   return heads.map(({ direction, spread_rad, irradiance, flux, moment }) => {
     const length = Math.hypot(...moment);
-    // One without power stays where it is.
+    // A light without power keeps its direction.
     if (!(length > 0)) return { direction, spread_rad, irradiance };
     return { direction: moment.map((part) => part / length), spread_rad: Math.acos(Math.min(1, length / flux)), irradiance };
   });
@@ -28,7 +28,9 @@ function nearest(heads, [x, y, z]) {
   return found;
 }
 
-/** Adds power and first moment: the direction times the flux, the shorter the more the light is spread. */
+/**
+ * Adds power and first moment, which is the direction times the flux, shortened by the spread of the light.
+ */
 function join(head, { direction, irradiance, spread_rad }) {
   const flux = luminance(irradiance);
   head.flux += flux;

@@ -1,9 +1,9 @@
-// What the two WebGL pictures have in common.
+// Functions that the two WebGL pictures share.
 
 /**
  * A program of the two shaders, and a function that finds a uniform by its name.
  *
- * @throws {Error} with what the compiler says
+ * @throws {Error} with the compiler's message
  */
 export function program(gl, vertex, fragment) {
   const made = gl.createProgram();
@@ -14,7 +14,7 @@ export function program(gl, vertex, fragment) {
     gl.attachShader(made, shader);
   }
   gl.linkProgram(made);
-  // A lost context links nothing, and comes back later.
+  // A lost context cannot link; it is restored later.
   if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost()) {
     const logs = gl.getAttachedShaders(made).map((shader) => gl.getShaderInfoLog(shader));
     throw new Error(`a shader is refused: ${[gl.getProgramInfoLog(made), ...logs].join("\n")}`);
@@ -27,7 +27,7 @@ export function program(gl, vertex, fragment) {
   return { program: made, uniform };
 }
 
-/** Makes a canvas as fine as it is shown, `scale` times; true when its size changed. */
+/** Sets the resolution of a canvas to its size on the screen, times `scale`; true when its size changed. */
 export function fit(canvas, scale = 1) {
   const ratio = Math.min(devicePixelRatio, 2) * scale;
   const width = Math.max(1, Math.round(canvas.clientWidth * ratio));

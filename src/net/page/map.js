@@ -19,14 +19,20 @@ out vec4 colour;
 void main() {
   float radius = length(place) * RIM;
   float azimuth = atan(place.y, place.x) / 6.283185307;
-  // No picture beyond the rim, which is as soft as a pixel.
+  // Nothing is drawn beyond the rim, which is softened over one pixel.
   float inside = clamp((1.0 - radius) / pixel + 0.5, 0.0, 1.0);
   colour = vec4(textureLod(map, vec2(fract(azimuth), min(radius, 1.0)), 0.0).rgb * inside, inside);
 }`;
 
-/** Space about the disc, in parts of its radius, for the wedge that shows where the scene is looked at to. */
+/**
+ * Margin around the disc, in units of its radius, for the wedge that shows the viewing direction of the
+ * scene.
+ */
 const RIM = 1.07;
-/** Radius of a light with all the power, in parts of the width of the disc; others by the square root of their share. */
+/**
+ * Radius of the ring of a light with all the power, in parts of the disc's width; others scale with the
+ * square root of their share.
+ */
 const FULL_RADIUS = 1 / 12;
 const LEAST_RADIUS_PX = 2.5;
 const GREEN = "rgb(40, 255, 60)";
@@ -41,7 +47,7 @@ export class MapDisc {
   #thetaMax = Math.PI / 2;
   #heading = null;
 
-  /** `picture` gets the map, `rings`, which lies on it, the lights. */
+  /** The map is drawn on `picture`, the lights on `rings`, which lies above it. */
   constructor(picture, rings) {
     this.#picture = picture;
     this.#rings = rings;
@@ -49,7 +55,7 @@ export class MapDisc {
     if (this.#gl === null) return;
     this.#build();
     picture.addEventListener("webglcontextlost", (event) => event.preventDefault());
-    // The next map fills it.
+    // The next map fills the texture.
     picture.addEventListener("webglcontextrestored", () => this.#build());
   }
 
@@ -77,7 +83,7 @@ export class MapDisc {
     bitmap.close();
   }
 
-  /** Draws the map again, as after a change of size. */
+  /** Draws the map again, for instance after a change of size. */
   drawMap() {
     const gl = this.#gl;
     if (gl === null) return;
@@ -92,7 +98,7 @@ export class MapDisc {
     this.#lights = lights;
   }
 
-  /** The azimuth in radians that the scene is looked at to. */
+  /** The azimuth in radians of the viewing direction of the scene. */
   setHeading(azimuth) {
     this.#heading = azimuth;
   }
@@ -111,7 +117,7 @@ export class MapDisc {
     for (const { direction: [x, y, z], irradiance } of this.#lights) {
       const share = luminance(irradiance) / total;
       const theta = Math.atan2(Math.hypot(x, z), y);
-      // Filtered directions may leave the rim by a little.
+      // Filtered directions may lie slightly beyond the rim.
       if (!(share > 0) || theta > 1.1 * this.#thetaMax) continue;
       const distance = Math.min(theta / this.#thetaMax, 1.02) * rim;
       const azimuth = Math.atan2(z, x);
@@ -120,7 +126,7 @@ export class MapDisc {
       context.moveTo(centre[0] + radius, centre[1]);
       context.arc(...centre, radius, 0, 2 * Math.PI);
     }
-    // Dark below green, so that it is seen on every sky.
+    // Dark below green, so that it is visible on every sky.
     context.lineWidth = 3.4 * ratio;
     context.strokeStyle = "rgba(0, 20, 0, 0.55)";
     context.stroke();

@@ -1,4 +1,4 @@
-// Triangles of the scene's things: positions and normals, six numbers a vertex, and indices.
+// Triangles of the scene's objects: positions and normals, six numbers per vertex, and indices.
 
 /** A grid of (columns + 1) x (rows + 1) vertices; `at(u, v)` gives position and normal. */
 function grid(columns, rows, at) {
@@ -41,14 +41,14 @@ export function capsule(from, length, radius, segments) {
 /** Strips of a box's face: those that bend at either edge, and the flat one between. */
 const STRIPS = 9;
 
-/** From -1 to 1, with one strip for all but the `bend` at the ends. */
+/** Coordinates from -1 to 1, with a single strip between the bends of size `bend` at the ends. */
 function strip(part, bend) {
   const step = Math.round(part * STRIPS);
   const bent = (STRIPS - 1) / 2;
   return step <= bent ? (bend * step) / bent - 1 : 1 - (bend * (STRIPS - step)) / bent;
 }
 
-/** A box about `centre`, turned about +Y, its edges rounded. */
+/** A box about `centre` with rounded edges, rotated about +Y. */
 export function roundedBox(centre, half, turn, rounding) {
   const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
   const turned = ([x, y, z]) => [cos * x + sin * z, y, cos * z - sin * x];

@@ -1,4 +1,4 @@
-// The page: connects, and shows what arrives. How things are drawn is in the modules.
+// The page: connects to the server and shows the lists. The modules do the drawing.
 
 import { LightcastClient } from "/lightcast.js";
 import { Age } from "/age.js";
@@ -12,34 +12,37 @@ import { parseStages, showStages } from "/stages.js";
 const MAP_EVERY_MS = 500;
 const METRICS_EVERY_MS = 2000;
 const TEXT_EVERY_MS = 200;
-/** An answer that takes longer does not come. */
+/** A request that takes longer is given up. */
 const PATIENCE_MS = 10_000;
-/** After so long without a list the page says so. */
+/** After this long without a list the page says so. */
 const SILENT_MS = 3000;
-/** Lists that the rate is measured over. */
+/** Number of lists over which the rate is measured. */
 const RATE_LISTS = 50;
 const TOKEN_KEY = "lightcast-token";
 
 const at = (id) => document.getElementById(id);
 const say = (id, text) => {
-  // Only what changes, so that a screen reader and the layout have their peace.
+  // Writes only changes, so that a screen reader and the layout are not disturbed.
   if (at(id).textContent !== text) at(id).textContent = text;
 };
 const percent = (part) => `${(100 * part).toPrecision(2)} %`;
 
-/** The newest list, and when it and those before it came. */
+/** The newest list, and the arrival times of it and of those before it. */
 let list = null;
 let arrivals = [];
-/** Whether the rings have to be drawn anew. */
+/** Whether the rings have to be drawn again. */
 let changed = true;
 let age = new Age();
 let lostLists = 0;
 let lostFrames = 0;
 let retryAt = 0;
 let token = null;
-/** Whether a list came since the connection was opened. */
+/** Whether a list has arrived since the connection was opened. */
 let fresh = false;
-/** Whether the lists that come have all lights: not while the server has yet to hear that we want them. */
+/**
+ * Whether the lists that arrive have all lights; false until the server has received the request for all of
+ * them.
+ */
 let isWhole = false;
 
 const socketUrl = new URL("/ws", location.href);
@@ -77,9 +80,8 @@ client.addEventListener("state", ({ detail: { state, retry_ms } }) => {
 
 client.addEventListener("list", ({ detail }) => {
   const now = performance.now();
-  // Of lists that did not come nobody says what was lost before them: numbers that are missing are lists that
-  // this connection was too slow for, or frames. (It asks for all lists; a lower rate would leave out
-  // others.)
+  // The losses before a list that did not arrive are not known: missing numbers are lists that this
+  // connection was too slow for, or frames. (It asks for all lists; a lower rate would leave out others.)
   if (fresh) lostFrames += Math.max(0, detail.sequence - list.sequence - 1 - detail.stream.lost);
   list = detail;
   fresh = true;
@@ -111,7 +113,7 @@ function showState() {
   const since = arrivals.length === 0 ? Infinity : performance.now() - arrivals.at(-1);
   let name = state;
   let text = `connecting to ${location.host}`;
-  // Apart from the text, which is read out when it changes.
+  // Separate from the text, which is read out when it changes.
   let wait = "";
   if (!at("token-form").hidden) {
     [name, text] = ["token", "no connection without a token"];
@@ -141,7 +143,7 @@ function interval() {
 
 // --- Token
 
-/** What was given in the address, `#token=...`, or earlier; it does not stay in the address. */
+/** The token from the address, `#token=...`, or from an earlier visit; it is removed from the address. */
 function storedToken() {
   const given = new URLSearchParams(location.hash.slice(1)).get("token");
   if (given === null) return sessionStorage.getItem(TOKEN_KEY);
@@ -169,7 +171,7 @@ function askForToken(fault) {
   showState();
 }
 
-/** A WebSocket does not say why it is refused; this does. */
+/** A WebSocket does not give the reason for a refusal; this request does. */
 async function askWhetherATokenIsNeeded() {
   const asked = token;
   const answer = await get("/lights");
@@ -186,7 +188,7 @@ at("token-form").addEventListener("submit", (event) => {
 
 // --- What is fetched
 
-/** The answer, whatever its status; null when there is none. */
+/** The answer of any status; null when there is none. */
 async function get(path) {
   const headers = token === null ? {} : { Authorization: `Bearer ${token}` };
   try {
@@ -212,11 +214,11 @@ async function fetchStages() {
   if (answer?.ok) showStages(at("stage-rows"), parseStages(await answer.text()));
 }
 
-/** Does it again and again while somebody looks and lists arrive. */
+/** Repeats `act` while the page is visible and lists arrive. */
 async function repeat(act, every_ms) {
   for (;;) {
     if (!document.hidden && client.state.state === "open" && fresh) {
-      // A connection that breaks in the middle is told elsewhere.
+      // A connection that breaks in between is reported elsewhere.
       await act().catch(() => {});
     }
     await new Promise((done) => setTimeout(done, every_ms));

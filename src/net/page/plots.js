@@ -3,7 +3,7 @@
 import { fit } from "/gl.js";
 
 const SECONDS = 60;
-/** Samples that are kept at most; the time between them is at least the minute's part. */
+/** Most samples that are kept; the time between them is at least a minute divided by this. */
 const SAMPLES = 2400;
 /** A longer time without a sample is a gap in the line. */
 const GAP_S = 2;
@@ -16,12 +16,12 @@ export class History {
   #next = 0;
   #length = 0;
 
-  /** `lines` values belong to a time. */
+  /** Every time has `lines` values. */
   constructor(lines) {
     this.#values = Array.from({ length: lines }, () => new Float64Array(SAMPLES));
   }
 
-  /** A sample of now; one that comes too soon after the last one is passed over. */
+  /** Adds a sample for the current time; one that comes too soon after the last one is skipped. */
   push(time_s, values) {
     const last = (this.#next + SAMPLES - 1) % SAMPLES;
     if (this.#length > 0 && time_s - this.#times[last] < SECONDS / SAMPLES) return;
@@ -44,7 +44,7 @@ export class History {
   }
 }
 
-/** Ends of scales, in parts of a power of ten, and into how many steps each is parted. */
+/** Ends of scales, in units of a power of ten, and the number of steps into which each is divided. */
 const SCALES = [[1, 5], [1.5, 3], [2, 4], [3, 3], [4, 4], [5, 5], [6, 3], [8, 4], [10, 5]];
 
 /** The shortest scale from 0 that holds `value`: its end and its number of steps. */

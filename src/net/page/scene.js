@@ -5,17 +5,19 @@ import { fit, luminance, program } from "/gl.js";
 import { capsule, ground, roundedBox } from "/meshes.js";
 import { GROUND, SELF, THINGS, VERTEX, fragment } from "/scene_shader.js";
 
-/** Most lights that the scene is lit by; the others join them. */
+/** Most lights that illuminate the scene; the others join them. */
 const MOST_LIGHTS = 64;
-/** Least angular radius of a light: shadows are no sharper, so that their edges do not flicker. */
+/**
+ * Smallest angular radius of a light: it limits the sharpness of shadows, so that their edges do not flicker.
+ */
 const LEAST_RADIUS_RAD = 0.006;
 const BACKGROUND = [0x17, 0x1a, 0x1f].map((code) => code / 255);
-/** Brightness of the ground that the exposure aims at, and how fast it gets there. */
+/** Brightness of the ground that the exposure aims at, and the time constant of its adaptation. */
 const KEY = 0.42;
 const ADAPTATION_S = 1.2;
 /**
- * How fine pictures are: pixels of the screen's along an edge, and lights. One that takes longer than it should makes the
- * next ones coarser, many that take less make them finer.
+ * Quality levels of pictures: resolution along an edge relative to the screen's, and number of lights. A
+ * picture that takes too long makes the next ones coarser; many that take less make them finer.
  */
 const QUALITIES = [[1, 64], [0.8, 64], [0.65, 64], [0.5, 64], [0.5, 32], [0.5, 16], [0.4, 16], [0.4, 8]];
 const FIRST_QUALITY = 3;
@@ -38,7 +40,9 @@ export class Scene {
   #fenced_ms = 0;
   #quality = FIRST_QUALITY;
   #fast = 0;
-  /** So many pictures have to be fast before a finer one is tried; more when that has turned out too slow. */
+  /**
+   * How many pictures have to be fast before a finer level is tried; more after that has turned out too slow.
+   */
   #patience = 3;
   #list = [];
   #rest_ms = 0;
@@ -47,11 +51,11 @@ export class Scene {
   #elevation = 0.42;
   #turned;
 
-  /** `turned(azimuth)` is told where the scene is looked at to. */
+  /** `turned(azimuth)` is called with the azimuth of the viewing direction. */
   constructor(canvas, turned) {
     this.#canvas = canvas;
     this.#turned = turned;
-    // Without a graphics processor edges are left as they are, which is three times as fast.
+    // Without a GPU there is no antialiasing, which is three times as fast.
     this.#gl = canvas.getContext("webgl2", { antialias: true, alpha: false, failIfMajorPerformanceCaveat: true });
     if (this.#gl === null) {
       this.#quality = QUALITIES.length - 1;
@@ -131,11 +135,11 @@ export class Scene {
     this.#azimuth += azimuth;
     this.#elevation = Math.min(1.35, Math.max(0.08, this.#elevation + elevation));
     this.#stale = true;
-    // Looked at to the other side of where the eye is.
+    // The viewing direction is opposite to the position of the eye.
     this.#turned(this.#azimuth + Math.PI);
   }
 
-  /** Number of lights that the scene is lit by. */
+  /** Number of lights that illuminate the scene. */
   get lightCount() {
     return Math.min(this.#list.length, QUALITIES[this.#quality][1]);
   }
@@ -146,7 +150,7 @@ export class Scene {
     this.#joinLights();
   }
 
-  /** What the horizon hides does not light the scene. */
+  /** Lights below the horizon do not illuminate the scene. */
   #joinLights() {
     const up = [0, 0, 0];
     this.#count = 0;
@@ -165,7 +169,7 @@ export class Scene {
     this.#stale = true;
   }
 
-  /** To be called for every picture of the screen; draws when there is something new and the last one is done. */
+  /** To be called for every frame of the screen; draws when something is new and the last picture is done. */
   frame(now_ms) {
     const gl = this.#gl;
     if (gl === null || gl.isContextLost() || this.#busy(now_ms) || this.#canvas.clientWidth === 0) return;
@@ -179,7 +183,9 @@ export class Scene {
     gl.flush();
   }
 
-  /** Whether the last picture still is being drawn, or was so slow that the rest of the page has to come first. */
+  /**
+   * Whether the last picture is still being drawn, or was so slow that the rest of the page takes precedence.
+   */
   #busy(now_ms) {
     const gl = this.#gl;
     if (this.#fence !== null) {
@@ -193,7 +199,7 @@ export class Scene {
     return now_ms < this.#rest_ms;
   }
 
-  /** How long a picture took decides how fine the next ones are. */
+  /** Chooses the quality of the next pictures by the time that a picture took. */
   #judge(took_ms) {
     const before = this.#quality;
     if (took_ms > SLOW_MS) {
@@ -212,7 +218,7 @@ export class Scene {
     if (this.#quality !== before) this.#joinLights();
   }
 
-  /** Moves the exposure on; true while it is on its way. */
+  /** Advances the exposure; true while it is still adapting. */
   #adapt(now_ms) {
     const passed_s = Math.min((now_ms - this.#adapted_ms) / 1e3, 1);
     this.#adapted_ms = now_ms;
@@ -255,13 +261,13 @@ export class Scene {
   }
 }
 
-/** The eye's place and the matrix from the world to the picture, its columns one after the other. */
+/** The eye's position and the matrix from the world to clip space, in column-major order. */
 function view(azimuth, elevation, aspect) {
   const target = [0, 0.52, 0.1];
   const back = [Math.cos(elevation) * Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation) * Math.sin(azimuth)];
   const right = [Math.sin(azimuth), 0, -Math.cos(azimuth)];
   const up = [back[1] * right[2] - back[2] * right[1], back[2] * right[0] - back[0] * right[2], back[0] * right[1] - back[1] * right[0]];
-  // Half the picture's height at distance 1: both the height and the width of the things find room.
+  // Half the picture's height at distance 1: the objects fit in both height and width.
   const half = Math.max(0.27, 0.375 / aspect);
   const distance = 5.4;
   const eye = target.map((part, i) => part + distance * back[i]);

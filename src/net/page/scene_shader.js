@@ -1,10 +1,10 @@
-// Shaders of the scene. Every light is asked at every point which part of it the scene's things hide: they
-// are a sphere, a ball, a box and a stick, and how far a ray passes from each of them is known exactly, so
-// that shadows are as soft as the light is spread and have no grain.
+// Shaders of the scene. For every light and every point they compute the part of the light that the scene's
+// objects hide. These are a sphere, a ball, a box and a stick, for which the distance of a ray is known
+// exactly, so that shadows are as soft as the light is spread and have no noise.
 
 /**
- * Things of the scene; lengths in the scene's own units. The colours are albedos, linear Rec. 709. The rounded lower edges
- * of the box are below the ground.
+ * Objects of the scene; lengths in the scene's own units. The colours are albedos, linear Rec. 709. The
+ * rounded lower edges of the box are below the ground.
  */
 export const THINGS = {
   sphere: { centre: [-0.88, 0.72, 0.05], radius: 0.72, colour: [0.78, 0.76, 0.72], metal: 0, roughness: 0.55 },
@@ -14,7 +14,7 @@ export const THINGS = {
 };
 export const GROUND = { radius: 8, colour: [0.42, 0.43, 0.45], metal: 0, roughness: 1 };
 
-/** Which thing a surface belongs to, so that it does not shadow itself. */
+/** The object that a surface belongs to, so that it does not shadow itself. */
 export const SELF = { ground: 0, sphere: 1, ball: 2, box: 3, stick: 4 };
 
 export const VERTEX = `#version 300 es
@@ -61,19 +61,19 @@ float cut(float s, float r) {
   return smoothstep(-r, r, s);
 }
 
-// Of a light of angular radius r in direction l, the part that a sphere hides. Angles are taken for their
-// tangents: here, by how much the ray misses the sphere, against the way to there.
+// The part of a light of angular radius r in direction l that a sphere hides. Angles are approximated by
+// their tangents: here, the distance by which the ray misses the sphere, divided by the distance to there.
 float by_sphere(vec3 centre, float radius, vec3 l, float r) {
   vec3 to = centre - point;
   float along = dot(to, l);
   if (along <= 0.0) return 0.0;
   float far2 = dot(to, to);
   float apart = sqrt(max(far2 - along * along, 0.0));
-  // One that looks smaller than the light cannot hide all of it.
+  // A sphere that looks smaller than the light cannot hide all of it.
   return min(1.0, radius * radius / (far2 * r * r)) * cut((radius - apart) / along, r);
 }
 
-// By a standing capsule: the closest approach of the ray to its axis.
+// The part that a vertical capsule hides, by the closest approach of the ray to its axis.
 float by_stick(vec3 l, float r) {
   vec3 to = ${vec3(stick.from)} - point;
   float flat_part = max(1.0 - l.y * l.y, 1e-4);
@@ -87,9 +87,10 @@ float by_stick(vec3 l, float r) {
   return cut(apart + size, r) - cut(apart - size, r);
 }
 
-// By a box: the ray is inside between the last of three planes that it enters by and the first of three that
-// it leaves by. For one of each, the way between them is negative for a ray that misses their edge; it gives
-// how far the ray passes from the edge's line, and where. The least of the six angles counts.
+// The part that a box hides: the ray is inside between the last of the three planes through which it enters
+// and the first of the three through which it leaves. For one of each, the distance between them along the
+// ray is negative for a ray that misses their edge; it gives the distance of the ray from the edge's line,
+// and the point there. The smallest of the six angles counts.
 float by_box(vec3 l, float r) {
   const float c = ${number(Math.cos(box.turn))};
   const float s = ${number(Math.sin(box.turn))};
@@ -97,7 +98,7 @@ float by_box(vec3 l, float r) {
   o = vec3(c * o.x - s * o.z, o.y, s * o.x + c * o.z);
   vec3 d = vec3(c * l.x - s * l.z, l.y, s * l.x + c * l.z);
   if (self == ${SELF.ground}) {
-    // At the foot of the box the middle of a pixel may be under it, but what is seen is beside it.
+    // At the foot of the box the centre of a pixel may be under it, but the visible surface is beside it.
     vec2 under = ${vec3(box.half)}.xz - abs(o.xz);
     if (under.x > 0.0 && under.y > 0.0) {
       if (under.x < under.y) o.x += sign(o.x) * (under.x + 1e-3);
@@ -110,10 +111,10 @@ float by_box(vec3 l, float r) {
   vec3 enter = middle - span;
   vec3 leave = middle + span;
   float last = min(min(leave.x, leave.y), leave.z);
-  // Behind: the ray's other half is inside.
+  // The box is behind: the backward half of the ray is inside.
   if (last <= 0.0 && max(max(enter.x, enter.y), enter.z) <= last) return 0.0;
-  // Of the planes' directions the pairs y and z, z and x, x and y, one entered by and the other left by, and
-  // conversely.
+  // The pairs y and z, z and x, x and y of the planes' directions, with the ray entering by one and leaving
+  // by the other, and vice versa.
   vec3 one = (d * d).yzx;
   vec3 other = (d * d).zxy;
   vec3 both = one + other;
@@ -155,7 +156,7 @@ void main() {
     vec3 e = irradiance_sine[i].rgb * (nl * lit(l, r));
     diffuse += e;
     if (self == ${SELF.ground}) continue;
-    // GGX, as much wider as the light is.
+    // GGX, widened by the extent of the light.
     vec3 h = normalize(l + v);
     float a = min(roughness * roughness + 0.35 * r, 1.0);
     float nh = max(dot(n, h), 0.0);
@@ -170,7 +171,7 @@ void main() {
   vec3 body = albedo * (1.0 - metal) * 0.96;
   vec3 radiance = body / PI * diffuse + mirrored;
   if (self != ${SELF.ground}) {
-    // What the ground throws back, less where the thing itself keeps it dark.
+    // Light reflected by the ground, less where the object itself shadows it.
     float open = smoothstep(-0.3, 1.3, point.y);
     vec3 back = reflect(-v, n);
     radiance += from_ground * open * (body * (0.5 - 0.5 * n.y) + f0 * smoothstep(0.25, -0.25, back.y));
@@ -181,6 +182,6 @@ void main() {
   radiance *= (1.0 + bright / 36.0) / (1.0 + bright);
   vec3 shown = mix(1.055 * pow(max(radiance, 0.0), vec3(1.0 / 2.4)) - 0.055, 12.92 * radiance, lessThan(radiance, vec3(0.0031308)));
   if (self == ${SELF.ground}) shown = mix(shown, background, smoothstep(1.8, ${number(GROUND.radius)}, length(point.xz)));
-  // Half a step of grain against bands.
+  // Half a step of dither against banding.
   colour = vec4(shown + (noise(gl_FragCoord.xy) - 0.5) / 255.0, 1.0);
 }`;

@@ -1,17 +1,17 @@
 // The slider for the number of lights.
 
-/** The server takes four questions a second, and more for a flood. */
+/** The server accepts four requests a second; more count as a flood. */
 const ASK_EVERY_MS = 260;
 
 export class CountSlider {
   #input;
   #output;
-  /** Numbers that it offers; the last is all there are. */
+  /** The numbers on offer; the last is that of all lights. */
   #counts = [];
   #timer = null;
   #askedAt = -Infinity;
 
-  /** `ask` is called with what to subscribe to; `output` shows it. */
+  /** `ask` is called with the subscription; `output` shows the number. */
   constructor(input, output, ask) {
     this.#input = input;
     this.#output = output;
@@ -25,7 +25,7 @@ export class CountSlider {
     });
   }
 
-  /** Says how many lights there are; all of them are what is asked for. */
+  /** Sets how many lights there are; the slider goes to all of them. */
   setAll(all) {
     if (all === this.#counts.at(-1)) return;
     this.#counts = [];

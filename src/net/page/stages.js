@@ -6,7 +6,7 @@ const MOST = 32;
 /**
  * @param {string} text
  * @returns {{name: string, frames: number, drops: number, bad: number, median_s: number, p99_s: number}[]} in the order
- *   in which the text names them; NaN for what it does not say
+ *   in which the text names them; NaN for missing values
  */
 export function parseStages(text) {
   const stages = new Map();

@@ -1,6 +1,6 @@
-//! FLIP's filters. All of them are products of a kernel across and a kernel down, or sums of such, which
-//! costs 2 (2 r + 1) multiplications a pixel instead of (2 r + 1)^2. Beyond the border the border's pixels go
-//! on.
+//! FLIP's filters. All of them are separable (products of a horizontal and a vertical kernel) or sums of
+//! separable filters, which costs 2 (2 r + 1) multiplications per pixel instead of (2 r + 1)^2. Beyond the
+//! border the border's pixels are repeated.
 
 use std::f64::consts::PI;
 
@@ -21,7 +21,7 @@ impl Sensitivity {
     /// The largest b, which sets the radius of all kernels: three standard deviations.
     const WIDEST: f64 = 0.04;
 
-    /// The channel as it is seen. The kernel's sum over its square is 1.
+    /// The channel as it is perceived. The sum of the two-dimensional kernel is 1.
     pub fn blur(&self, plane: &[f64], width: usize, pixels_per_degree: f64) -> Vec<f64> {
         let radius = (3.0 * (Self::WIDEST / (2.0 * PI * PI)).sqrt() * pixels_per_degree).ceil() as i32;
         // The weights are those of the one-dimensional Gaussians, as in the reference implementation.
@@ -48,9 +48,9 @@ impl Sensitivity {
 pub enum Derivative {
     /// The Gaussian itself; its sum is 1.
     None,
-    /// Answers to edges.
+    /// Responds to edges.
     First,
-    /// Answers to points and lines.
+    /// Responds to points and lines.
     Second,
 }
 
@@ -79,8 +79,8 @@ fn samples(radius: i32, value: impl Fn(f64) -> f64) -> Vec<f64> {
     (-radius..=radius).map(|x| value(f64::from(x))).collect()
 }
 
-/// The plane correlated with `across` along its rows and with `down` along its columns. Both kernels are odd
-/// in length.
+/// The plane correlated with `across` along its rows and with `down` along its columns. Both kernels have odd
+/// length.
 pub fn separable(plane: &[f64], width: usize, across: &[f64], down: &[f64]) -> Vec<f64> {
     let height = plane.len() / width;
     let mut rows = vec![0.0; plane.len()];

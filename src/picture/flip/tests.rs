@@ -41,7 +41,7 @@ struct Case {
     distant: [f64; 2],
 }
 
-/// What `flip-evaluator` 1.7 from PyPI gives for the same pictures; tests/flip/reference.py prints it.
+/// Results of `flip-evaluator` 1.7 from PyPI for the same pictures; tests/flip/reference.py prints them.
 const CASES: [Case; 8] = [
     Case {
         name: "black and white",
@@ -101,8 +101,8 @@ const CASES: [Case; 8] = [
     },
 ];
 
-/// The reference implementation works in f32. Where a few pixels differ and all others nearly do not, its
-/// exponents of 0.7 and 0.5 bring that rounding up to 8e-5 of the mean; between pictures that differ
+/// The reference implementation works in f32. Where a few pixels differ and all others are nearly equal, the
+/// exponents of 0.7 and 0.5 amplify its rounding to up to 8e-5 of the mean; between pictures that differ
 /// everywhere it is below 1e-6.
 #[test]
 fn agrees_with_the_reference_implementation() {
@@ -154,7 +154,7 @@ fn green_and_blue_differ_most() {
 #[test]
 fn pictures_of_any_shape_and_values_out_of_range_are_defined() {
     assert_eq!(flip(&[], &[], 0, 1.0), FlipError { mean: 0.0, map: Vec::new() });
-    // Constant pictures of any shape: nothing but the difference of two colours.
+    // Constant pictures of any shape: the error is only the difference of two colours.
     for (width, height) in [(1, 1), (1, 9), (7, 2)] {
         let (black, white) = (vec![[0.0f32; 3]; width * height], vec![[1.0f32; 3]; width * height]);
         for pixels_per_degree in [1.0, PIXELS_PER_DEGREE, 1000.0] {

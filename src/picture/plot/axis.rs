@@ -1,14 +1,14 @@
 //! A logarithmic axis: its range, where values fall on it, and its ticks.
 
-/// Narrowest range that is drawn, as a ratio: a single value stands in the middle of an octave.
+/// Narrowest range that is drawn, as a ratio: a single value is in the middle of an octave.
 const NARROWEST: f64 = 2.0;
-/// Room left free at either end, in parts of the range's logarithm.
+/// Margin at either end, as a fraction of the range's logarithm.
 const MARGIN: f64 = 0.04;
-/// Ticks that have labels, if there are as many.
+/// Desired number of labelled ticks, if there are as many.
 const WANTED_LABELS: usize = 3;
 /// Most labels that a panel has room for.
 const MOST_LABELS: usize = 8;
-/// Room that a label takes along the axis.
+/// Space that a label takes along the axis.
 const LABEL_PX: f64 = 31.0;
 
 /// A logarithmic axis from one position in px to another, in either direction.
@@ -25,12 +25,12 @@ pub struct Axis {
 pub struct Tick {
     /// A small integer times a power of ten.
     pub value: f64,
-    /// Whether the value stands beside it.
+    /// Whether it is labelled with the value.
     pub is_labelled: bool,
 }
 
 impl Axis {
-    /// Holds all `values`, which are positive and finite; from 1 to 10 if there are none.
+    /// An axis that contains all `values`, which are positive and finite; from 1 to 10 if there are none.
     pub fn new(values: impl Iterator<Item = f64>, from_px: f64, to_px: f64) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in values {
@@ -48,14 +48,14 @@ impl Axis {
         (self.from_px, self.to_px)
     }
 
-    /// Where a positive value falls.
+    /// Position of a positive value.
     pub fn position(&self, value: f64) -> f64 {
         self.from_px + (value.ln() - self.low) / (self.high - self.low) * (self.to_px - self.from_px)
     }
 
-    /// Ticks at 1 to 9 times the powers of ten; only at the powers where the range is long. Labels stand at
-    /// the powers, or also at 2 and 5, or at all, so that there are enough of them; at every second, third,
-    /// ... power where there are too many, and nowhere so close to another that they would touch.
+    /// Ticks at 1 to 9 times the powers of ten; only at the powers where the range is long. Labels are at the
+    /// powers, or also at 2 and 5, or at all ticks, so that there are enough of them; where there are too
+    /// many, only at every second, third, ... power. Labels never touch each other.
     pub fn ticks(&self) -> Vec<Tick> {
         const LN_10: f64 = std::f64::consts::LN_10;
         let decades = (self.low / LN_10).floor() as i32..=(self.high / LN_10).ceil() as i32;
@@ -81,7 +81,7 @@ impl Axis {
             })
             .filter(|(tick, _)| is_inside(tick.value))
             .unzip();
-        // The roundest first; what would touch one of them has no label.
+        // The roundest values come first; a tick whose label would touch one of theirs gets none.
         let mut taken: Vec<f64> = Vec::new();
         for digit in [1, 5, 2, 3, 4, 7, 6, 8, 9] {
             for (tick, _) in
@@ -98,7 +98,7 @@ impl Axis {
     }
 }
 
-/// digit * 10^decade, as exact as if it were written so.
+/// digit * 10^decade, as exact as the parsed decimal literal.
 fn power(digit: u32, decade: i32) -> f64 {
     format!("{digit}e{decade}").parse().unwrap_or(0.0)
 }

@@ -45,7 +45,7 @@ fn points_land_where_the_logarithms_say() {
     let document = Document::parse(&svg).unwrap();
     let lines = elements(&document, "polyline");
     assert_eq!(lines.len(), 1);
-    // The margin is 4 % of the range at either end, so that 1.08 ranges are as long as the area.
+    // The margin is 4 % of the range at either end, so 1.08 ranges fill the area.
     let (left, top) = (LEFT, TITLE_HEIGHT + ABOVE);
     for ((x, y), (part_x, part_y)) in
         points(lines[0]).into_iter().zip([(0.0, 0.0), (3.0 / 7.0, 0.5), (1.0, 1.0)])
@@ -86,7 +86,7 @@ fn a_point_without_a_place_interrupts_the_line() {
         elements(&document, "polyline").into_iter().map(|line| points(line).len()).collect();
     assert_eq!(runs, [2, 1]);
     assert!(!with.contains("NaN") && !with.contains("inf"));
-    // The axes are those of the points that are there.
+    // The axes follow from the points that can be shown.
     let without = plot(vec![panel(vec![series("a", &[(1.0, 1.0), (2.0, 2.0), (16.0, 4.0)])])]);
     let document = Document::parse(&without).unwrap();
     let all = points(elements(&document, "polyline")[0]);
@@ -104,7 +104,7 @@ fn nothing_to_draw_is_still_a_document() {
         let svg = plot(panels);
         let document = Document::parse(&svg).unwrap();
         assert!(elements(&document, "polyline").is_empty());
-        // What is without points stands in the legend all the same.
+        // A series without points is in the legend as well.
         assert_eq!(elements(&document, "circle").len(), names);
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
     }
@@ -123,7 +123,7 @@ fn extreme_values_have_a_place_and_few_labels() {
             assert!((TITLE_HEIGHT..TITLE_HEIGHT + ABOVE + AREA_HEIGHT).contains(&y));
         }
     }
-    // A single point stands in the middle.
+    // A single point is in the middle.
     let (x, y) = points(elements(&document, "polyline")[1])[0];
     assert!((x - (2.0 * LEFT + 1.5 * AREA_WIDTH + RIGHT)).abs() < 0.006);
     assert!((y - (TITLE_HEIGHT + ABOVE + AREA_HEIGHT / 2.0)).abs() < 0.006);
@@ -247,7 +247,7 @@ fn a_name_has_one_look_in_all_panels_and_one_legend_entry() {
     assert!(first.iter().eq(second.iter().rev()));
     assert!((0..21).all(|i| !first[..i].contains(&first[i])), "all look different");
     assert!(names.iter().all(|name| texts(&document).iter().filter(|text| *text == name).count() == 1));
-    // The legend stays inside of the picture.
+    // The legend stays within the picture.
     let svg = document.root_element();
     for text in elements(&document, "text") {
         assert!(number(text, "y") < number(svg, "height") && number(text, "x") < number(svg, "width"));

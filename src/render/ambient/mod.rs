@@ -1,9 +1,10 @@
-//! Lighting by the ground that a capture does not see: a lens that looks up leaves undersides black.
+//! Lighting by the ground, which a capture does not see: with a lens that looks up, undersides would be
+//! black.
 //!
-//! A ground of albedo A, lit by all lights and hidden by nothing, has the radiance A E_up / pi, where E_up is
-//! the sum of E_i max(0, d_i.y); a surface of normal n has half the sphere less or more of it before it, and
-//! gets the irradiance A E_up (1 - n.y) / 2. Diffuse light only: what glossy surfaces mirror of the ground is
-//! not in it.
+//! An unoccluded ground of albedo A, lit by all lights, has the radiance A E_up / pi, where E_up is the sum
+//! of E_i max(0, d_i.y); a surface of normal n sees a fraction (1 - n.y) / 2 of its hemisphere filled by the
+//! ground, weighted by the cosine, and receives the irradiance A E_up (1 - n.y) / 2. This is diffuse light
+//! only: reflections of the ground in glossy surfaces are not included.
 
 use super::view::{SEEN, Seen};
 use crate::gpu::{Array, Gpu, Timer, UNIFORM};
@@ -32,7 +33,7 @@ pub(super) struct Ambient {
 }
 
 impl Ambient {
-    /// By a ground of this albedo, on views like `seen`.
+    /// Lighting by a ground of this albedo, for views with the layout of `seen`.
     pub fn new(gpu: &Gpu, seen: &Seen, albedo: f32) -> Self {
         let layout = gpu.bind_group_layout(&[(0, wgpu::ShaderStages::COMPUTE, UNIFORM)]);
         let groups = gpu.pipeline_layout(&[seen.layout(), &layout]);
@@ -45,7 +46,7 @@ impl Ambient {
         }
     }
 
-    /// The lights under which the ground lies, until the next call.
+    /// Sets the lights that light the ground, until the next call.
     pub fn prepare(&mut self, gpu: &Gpu, lights: &[Light]) {
         let radiance = ground_radiance(lights, self.albedo);
         self.ground.write(gpu, &[GroundUniform { radiance, pad: 0 }]);

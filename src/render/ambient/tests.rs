@@ -39,7 +39,7 @@ fn lights_from_below_do_not_light_the_ground() {
     assert_eq!(ground_radiance(&[], 0.25), Vec3::ZERO);
 }
 
-/// Squares that face +Z side by side, each with a normal of its own.
+/// Adjacent squares that face +Z, each with its own shading normal.
 fn squares(columns: u32, rows: u32, normal: impl Fn(u32) -> Vec3) -> Mesh {
     let (mut vertices, mut indices) = (Vec::new(), Vec::new());
     for number in 0..columns * rows {
@@ -64,7 +64,7 @@ fn squares(columns: u32, rows: u32, normal: impl Fn(u32) -> Vec3) -> Mesh {
 fn a_surface_of_any_normal_gets_what_the_closed_form_says() {
     let Some(gpu) = Gpu::for_test() else { return };
     let (columns, rows) = (32, 24);
-    // Normals towards the camera: of every height, which is all that counts.
+    // Normals towards the camera, of every n.y, which is all that matters.
     let normals: Vec<Vec3> = fibonacci_sphere(2 * (columns * rows) as usize + 16)
         .map(|n| n.as_vec3())
         .filter(|n| n.z > 0.0)
@@ -79,7 +79,7 @@ fn a_surface_of_any_normal_gets_what_the_closed_form_says() {
         vec![(squares(columns, rows, |number| normals[number as usize]), true)],
         vec![Material::lambert(albedos)],
     );
-    // Four pixels for each square.
+    // Four pixels per square.
     let options = Options {
         width_px: 2 * columns,
         height_px: 2 * rows,

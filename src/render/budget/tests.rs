@@ -2,8 +2,8 @@ use super::*;
 
 const TARGET_NS: f64 = 16_666_667.0;
 
-/// A renderer, in parts of the target: fixed, per light, per shadow map; evenly distributed noise of up to
-/// `noise`, and in `spikes` of all frames 3 to 10 times the time.
+/// Costs of a renderer as fractions of the target: fixed, per light, per shadow map. The noise is uniformly
+/// distributed up to `noise`, and a fraction `spikes` of all frames takes 3 to 10 times as long.
 #[derive(Clone, Copy)]
 struct Renderer {
     fixed: f64,
@@ -44,7 +44,7 @@ impl Simulation {
         self.qualities[self.qualities.len() - 1]
     }
 
-    /// Renders frames; each takes the time that the quality `late` frames ago would take.
+    /// Renders frames, each of which takes the time of the quality `late` frames ago.
     fn run_late(&mut self, renderer: Renderer, frames: usize, late: usize) {
         for _ in 0..frames {
             let rendered = self.qualities[self.qualities.len().saturating_sub(1 + late)];
@@ -61,12 +61,12 @@ impl Simulation {
         self.run_late(renderer, frames, 0);
     }
 
-    /// Frames since which nothing has changed.
+    /// Number of frames without a change.
     fn unchanged(&self) -> usize {
         self.qualities.iter().rev().take_while(|&&quality| quality == self.last()).count()
     }
 
-    /// How often the number of lights has turned from falling to rising or back.
+    /// How often the number of lights has switched between falling and rising.
     fn turns(&self) -> usize {
         let steps = self.qualities.windows(2).map(|q| q[1].lights as i64 - q[0].lights as i64);
         let signs: Vec<i64> = steps.filter(|&step| step != 0).map(i64::signum).collect();
@@ -78,7 +78,8 @@ impl Simulation {
 fn renderers() -> Vec<Renderer> {
     let mut list = Vec::new();
     for fixed in [0.0, 0.2, 0.5, 0.8] {
-        // The lights that meet the target, and which part of the variable cost goes into maps.
+        // The number of lights that meets the target, and the fraction of the variable cost that is due to
+        // maps.
         for lights in [20.0, 60.0, 150.0, 280.0] {
             for maps in [0.0, 0.4, 0.8] {
                 let variable = (1.0 - fixed) / lights;
@@ -131,7 +132,7 @@ fn changes_are_smooth_and_overload_is_answered_sooner_than_spare_time() {
     let mut simulation = Simulation::new(BudgetOptions::default(), 1);
     let (light, heavy) = (PLAIN, Renderer { fixed: 0.4, per_light: 0.012, per_map: 0.018, ..PLAIN });
     simulation.run(light, 1000);
-    // Frames until the time is within a tenth of the budget again.
+    // Number of frames until the time is within a tenth of the budget again.
     let mut frames_to = |renderer: Renderer| {
         let before = simulation.qualities.len();
         simulation.run(renderer, 1000);
@@ -200,8 +201,8 @@ fn single_slow_frames_change_nothing_and_many_slow_ones_little() {
             extremes = times().fold(extremes, |[least, most], time| [least.min(time), most.max(time)]);
         }
         println!("{spikes} slow frames: means {means:.3?}, least and most {extremes:.3?}");
-        // Four slow frames of seven are overload, and come up by accident: once in 200,000 frames where two
-        // in a hundred are slow, once in 400 where ten are. The answer is never a longer frame.
+        // Four slow frames of seven count as overload, and also occur by chance: once in 200,000 frames where
+        // two in a hundred are slow, once in 400 where ten are. The reaction never makes frames longer.
         assert!(extremes[1] <= 1.1 && means[0] >= least_mean, "{spikes}: {means:?} {extremes:?}");
     }
 }
@@ -226,7 +227,7 @@ fn what_no_quality_can_meet_stays_at_the_bound_and_comes_back_from_it() {
 
 #[test]
 fn a_light_too_many_is_not_tried_again_and_again() {
-    // Five lights take 0.6 of the target; the sixth brings a second shadow map that takes 0.6 more.
+    // Five lights take 0.6 of the target; the sixth brings a second shadow map, which takes another 0.6.
     let options = BudgetOptions {
         least_lights: 2,
         most_lights: 16,
@@ -240,7 +241,8 @@ fn a_light_too_many_is_not_tried_again_and_again() {
     let above = simulation.qualities[500..].iter().filter(|&&quality| renderer.mean(quality) > 1.1).count();
     println!("{} turns, {above} slow frames of 19,500", simulation.turns());
     assert!(simulation.turns() <= 20 && above < 100, "{} {above}", simulation.turns());
-    // A scene that becomes heavy while spare time is used, and then light again, is not barred for ever.
+    // A scene that becomes expensive while lights are being added, and then cheap again, is not barred for
+    // ever.
     let mut simulation = Simulation::new(BudgetOptions::default(), 1);
     simulation.run(Renderer { fixed: 1.0, ..PLAIN }, 200);
     simulation.run(PLAIN, 60);

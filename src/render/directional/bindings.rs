@@ -1,4 +1,4 @@
-//! The buffers of the lighting, and the bind groups that give them to its passes.
+//! The buffers of the lighting, and the bind groups that pass them to its passes.
 
 use super::DirectionalOptions;
 use super::energy;
@@ -22,7 +22,7 @@ pub(super) struct Buffers {
 }
 
 pub(super) struct BindGroups {
-    /// Generations of the buffers that can grow, when these were made.
+    /// Generations of the growable buffers at the time when these bind groups were created.
     pub generations: [u64; 2],
     pub high: wgpu::BindGroup,
     pub low: wgpu::BindGroup,
@@ -30,7 +30,7 @@ pub(super) struct BindGroups {
     pub shade: wgpu::BindGroup,
 }
 
-/// What the bind groups are made for.
+/// The passes for which the bind groups are created.
 pub(super) struct Passes {
     pub high: RegionSet,
     pub low: RegionSet,
@@ -59,7 +59,7 @@ impl Buffers {
         }
     }
 
-    /// Of the buffers whose length follows the list of lights.
+    /// Generations of the buffers whose length depends on the list of lights.
     pub fn generations(&self) -> [u64; 2] {
         [self.lights.generation(), self.lists.generation()]
     }

@@ -1,4 +1,4 @@
-//! What culling by angular regions leaves out, and that it is nothing that can be seen.
+//! Culling by angular regions skips lights, but changes nothing visible.
 
 use crate::gpu::Gpu;
 use crate::render::test_scenes::*;
@@ -50,7 +50,7 @@ fn culling_leaves_out_only_what_cannot_be_seen() {
 #[test]
 fn of_even_lights_a_normal_looks_at_less_than_two_thirds() {
     let Some(gpu) = Gpu::for_test() else { return };
-    // The normals of a whole sphere come from six sides; a perspective shows nearly half a sphere each time.
+    // Six views together show all normals of a sphere; each perspective view shows nearly half of it.
     let scene = scene(vec![(sphere(48, 0), true)], vec![Material::lambert([0.8; 3])]);
     let mut renderer = Renderer::new(gpu, scene, &CULLED).unwrap();
     for eye in [

@@ -1,10 +1,10 @@
-//! How much a rough surface reflects in all: the directional albedo of GGX with masking by Smith and no
-//! Fresnel reflectance, one reflection only. What it lacks from 1 leaves a real surface after more
-//! reflections (Turquin 2019).
+//! The total reflectance of a rough surface: the directional albedo of GGX with Smith masking, without
+//! Fresnel reflectance, for single scattering. The energy that it lacks leaves a real surface after multiple
+//! scattering (Turquin 2019).
 
 use std::f64::consts::TAU;
 
-/// Side of the table: cosines of the view along its rows, roughnesses down its columns, at (i + 1/2) / SIDE.
+/// Side of the table: view cosines along its rows, roughnesses down its columns, at (i + 1/2) / SIDE.
 pub(super) const SIDE: usize = 32;
 
 /// Points of the quadrature for each entry.
@@ -17,7 +17,7 @@ pub(super) fn table() -> Vec<f32> {
 }
 
 /// Share of the light from a direction of cosine `n_v` that a surface of this roughness (alpha = roughness^2)
-/// reflects, in (0, 1]. Quadrature over half vectors distributed as GGX has them.
+/// reflects, in (0, 1]. Quadrature over half vectors distributed according to GGX.
 pub(super) fn directional_albedo(n_v: f64, roughness: f64) -> f64 {
     let n_v = n_v.clamp(1e-3, 1.0);
     let alpha = (roughness * roughness).clamp(1e-3, 1.0);
@@ -25,7 +25,7 @@ pub(super) fn directional_albedo(n_v: f64, roughness: f64) -> f64 {
     let view = [(1.0 - n_v * n_v).sqrt(), 0.0, n_v];
     let mut sum = 0.0;
     for i in 0..POINTS {
-        // The R2 sequence of Roberts (2018): even in both coordinates.
+        // The R2 sequence of Roberts (2018): evenly distributed in both coordinates.
         let u = (0.5 + 0.754_877_666_246_692_8 * i as f64).fract();
         let phi = TAU * (0.5 + 0.569_840_290_998_053_2 * i as f64).fract();
         let n_h = ((1.0 - u) / (1.0 + (a2 - 1.0) * u)).sqrt();
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn agrees_with_a_slow_integral_over_the_hemisphere() {
-        // Plain sum of D V cos over directions, where the lobe is wide enough for the raster.
+        // Direct sum of D V cos over directions, where the lobe is wide enough for the grid.
         for (n_v, roughness) in [(0.9f64, 0.6f64), (0.5, 0.8), (0.3, 1.0)] {
             let a2 = roughness.powi(4);
             let steps = 600;

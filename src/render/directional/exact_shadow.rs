@@ -1,17 +1,16 @@
-//! Exact shadows of one directional light, for tests: the heights of all surfaces along the light, triangle
-//! by triangle.
+//! Exact shadows of one directional light, for tests, from the heights of all triangles along the light.
 
 use super::light_space::twin::light_basis;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Mat3, Vec3};
 
-/// Cells along a side of the grid that keeps triangles apart.
+/// Cells along a side of the acceleration grid.
 const GRID: usize = 96;
 
 /// The triangles of a scene as a light sees them.
 pub(super) struct Sheets {
     pub basis: Mat3,
-    /// Corners in the frame of the light, and whether the triangle casts shadows.
+    /// Corners in light space, and whether the triangle casts shadows.
     triangles: Vec<([DVec3; 3], bool)>,
     /// Triangles that may cover each cell.
     grid: Vec<Vec<u32>>,
@@ -58,8 +57,8 @@ impl Sheets {
         sheets
     }
 
-    /// Whether the surface that lies nearest to `height` at a place across the light is lit; `None` where
-    /// there is no surface.
+    /// Whether the surface nearest to `height` at a position across the light is lit; `None` where there is
+    /// no surface.
     pub fn is_lit(&self, across: DVec2, height: f64) -> Option<bool> {
         let place = (across - self.low) / self.cell;
         if place.cmplt(DVec2::ZERO).any() || place.cmpge(DVec2::splat(GRID as f64)).any() {
@@ -78,18 +77,18 @@ impl Sheets {
                 }
             }
         }
-        // Triangles that share an edge differ there by rounding.
+        // Triangles that share an edge differ there by rounding errors.
         nearest.is_finite().then_some(top <= nearest + 1e-6)
     }
 }
 
-/// Height of a triangle over a place that it covers.
+/// Height of a triangle at a position that it covers.
 fn height_of(corners: &[DVec3; 3], across: DVec2) -> Option<f64> {
     let [a, b, c] = corners;
     let (p, q, r) = (b.truncate() - a.truncate(), c.truncate() - a.truncate(), across - a.truncate());
     let area = p.perp_dot(q);
     if area.abs() < 1e-14 {
-        return None; // seen from its edge
+        return None; // seen edge-on
     }
     let (u, v) = (r.perp_dot(q) / area, p.perp_dot(r) / area);
     let inside = u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9;

@@ -1,4 +1,5 @@
-//! How a light sees the scene: CPU twin of `shaders/directional/light_space.wgsl`, function by function.
+//! The projections of lights to shadow maps: CPU twin of `shaders/directional/light_space.wgsl`, function by
+//! function.
 
 use crate::scene::Bounds;
 use bytemuck::{Pod, Zeroable};
@@ -7,7 +8,7 @@ use glam::Vec3;
 /// Source of the functions that the passes share.
 pub(super) const SOURCE: &str = include_str!("../../../shaders/directional/light_space.wgsl");
 
-/// What both passes know about the scene and the atlas.
+/// The parameters of the scene and the atlas for both passes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(in crate::render) struct LightSpace {
@@ -18,7 +19,7 @@ pub(in crate::render) struct LightSpace {
 }
 
 impl LightSpace {
-    /// For a box about the casters, not empty.
+    /// Light space for a non-empty box around the casters.
     pub fn new(casters: &Bounds, tile_px: u32, tiles_per_side: u32) -> Self {
         Self {
             caster_centre: casters.centre(),

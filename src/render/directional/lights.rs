@@ -37,15 +37,15 @@ pub(super) struct LightSets {
 }
 
 impl LightSets {
-    /// Set H is the prefix of the list, clustered if the options say so; if the list is longer and there are
-    /// cones to use it in, set L is the whole of it. A light of L has the shadow map of the light of H that
-    /// it has joined.
+    /// Set H is the prefix of the list, clustered if the options say so; if the list is longer and cones are
+    /// in use, set L is the whole list. A light of L has the shadow map of the light of H into which it was
+    /// merged.
     pub fn update(&mut self, list: &[Light], options: &DirectionalOptions) {
         self.prefixes.prefix_with_heads(list, options.lights, &mut self.high, &mut self.heads);
         if let Some(most) = options.clusters {
             cluster(&self.high, most, &mut self.clusters, &mut self.places);
             std::mem::swap(&mut self.high, &mut self.clusters);
-            // Lights without power are in no cluster, and are not drawn.
+            // Lights without power do not belong to any cluster, and are not drawn.
             self.heads.iter_mut().for_each(|head| *head = self.places[*head as usize]);
         }
         self.tiles.assign(&self.high, options.shadow_maps);

@@ -1,5 +1,5 @@
 //! Lighting by many directional lights (Havran et al. 2005, sections 4 and 5; METHODS section 8): sets of
-//! lights, their angular regions, an atlas of shadow maps, and the pass that adds them up over a view.
+//! lights, their angular regions, a shadow atlas, and the pass that sums the lights over a view.
 
 mod bindings;
 #[cfg(test)]
@@ -43,14 +43,14 @@ use shadow::ShadowPass;
 #[cfg(test)]
 pub(super) use read_back::DirectionalFrame;
 
-/// What pixels have looked at since the counts were last read, in all.
+/// Total numbers of lights that pixels evaluated since the counts were last read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LightCounts {
     /// Pixels that show a surface.
     pub pixels: u32,
-    /// Lights that they looked at.
+    /// Lights that they read.
     pub looked_at: u32,
-    /// Lights that stand above their horizon, for which they looked into a shadow map.
+    /// Lights above their horizon, for which they sampled a shadow map.
     pub shaded: u32,
 }
 
@@ -63,7 +63,7 @@ pub(super) struct Directional {
 }
 
 impl Directional {
-    /// With room for what `options` say, to light views like `seen` of this world.
+    /// Reserves resources according to `options`, to light views of this world with the layout of `seen`.
     pub fn new(gpu: &Gpu, world: &World, seen: &Seen, options: &DirectionalOptions) -> Self {
         let passes = Passes {
             high: RegionSet::new(gpu, Regions::for_normals()),
@@ -77,14 +77,14 @@ impl Directional {
         Self { sets: LightSets::default(), buffers, passes, bind_groups }
     }
 
-    /// Takes all shadow maps back, as a frame without lights does: which lights have one depends on the lists
-    /// before.
+    /// Releases all shadow maps, as a frame without lights does: which lights have one depends on earlier
+    /// lists.
     pub fn release_shadow_maps(&mut self, options: &DirectionalOptions) {
         self.sets.update(&[], options);
     }
 
-    /// Lights, their regions and shadow maps, until the next call. `options` may ask for less than was
-    /// reserved.
+    /// Prepares lights, their regions and shadow maps, until the next call. `options` may request less than
+    /// was reserved.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -124,12 +124,13 @@ impl Directional {
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Adds the light of what was prepared to a sample of a view.
+    /// Adds the prepared light to a sample of a view.
     pub fn shade(&self, encoder: &mut wgpu::CommandEncoder, timer: &mut Timer, seen: &Seen) {
         self.passes.shade.encode(encoder, timer, &self.bind_groups.shade, seen);
     }
 
-    /// What pixels looked at since the last call; zeros unless the options ask for counts.
+    /// Counts of the lights that pixels evaluated since the last call; zeros unless the options enable
+    /// counts.
     ///
     /// # Errors
     /// Those of the device.
@@ -143,7 +144,7 @@ impl Directional {
         Ok(LightCounts { pixels: counts[0], looked_at: counts[1], shaded: counts[2] })
     }
 
-    /// Where the lists of both sets lie.
+    /// Positions of the lists of both sets in the buffer.
     fn assignments(&self, options: &DirectionalOptions) -> (Assignment, Assignment) {
         let high_count = self.sets.high_count as u32;
         let high =
@@ -172,7 +173,7 @@ impl Directional {
     }
 }
 
-/// Regions of set L, for cones of `cone_rad`; without such a set just one.
+/// Regions of set L, for cones of `cone_rad`; a single one without such a set.
 fn cone_regions(cone_rad: f64) -> Regions {
     if cone_rad > 0.0 { Regions::for_cones(cone_rad) } else { Regions::new(1, 0.0) }
 }

@@ -5,21 +5,24 @@ use lightcast_core::light::MAX_LIGHTS;
 /// shadow maps; the cone is wider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionalOptions {
-    /// Lights in set H, which light everything; a longer list joins them and lights glossy surfaces as set L.
+    /// Lights in set H, which light everything; a longer list is merged into them, and lights glossy surfaces
+    /// as set L.
     pub lights: usize,
-    /// Shadow maps; lights without one borrow that of the nearest light that has one.
+    /// Number of shadow maps; lights without one use that of the nearest light that has one.
     pub shadow_maps: usize,
     /// Side of a shadow map in texels.
     pub shadow_map_px: u32,
-    /// Comparisons for the blocker search and for the filter of a soft shadow, up to 256; 1: hard shadows.
+    /// Depth comparisons for the blocker search and for the filter of a soft shadow, up to 256; 1: hard
+    /// shadows.
     pub soft_samples: u32,
-    /// Whether pixels look only at the lights of their angular region.
+    /// Whether pixels evaluate only the lights of their angular region.
     pub culling: bool,
-    /// Angle gamma in radians: set L is used within gamma / 2 about the mirrored view. 0: set H alone.
+    /// Angle gamma in radians: set L is used within gamma / 2 of the mirrored view direction. 0: only set H.
     pub cone_rad: f64,
-    /// Most lights of set L in a region.
+    /// Maximum number of lights of set L in a region.
     pub region_lights: usize,
-    /// Whether to count what pixels look at, see [`Renderer::read_counts`](crate::render::Renderer::read_counts).
+    /// Whether to count the lights that pixels evaluate, see
+    /// [`Renderer::read_counts`](crate::render::Renderer::read_counts).
     pub count_lights: bool,
     /// Most lights of set H after clustering; `None`: no clustering.
     pub clusters: Option<usize>,
@@ -33,8 +36,8 @@ impl Default for DirectionalOptions {
             shadow_map_px: 256,
             soft_samples: 8,
             culling: true,
-            // Wide enough for the tails of GGX: a white furnace is within 5 % (renderer_tests.rs), at 20
-            // degrees not.
+            // Wide enough for the tails of GGX: a white furnace is within 5 % (renderer_tests.rs), which it
+            // is not at 20 degrees.
             cone_rad: 40f64.to_radians(),
             region_lights: 216,
             count_lights: false,
@@ -45,7 +48,7 @@ impl Default for DirectionalOptions {
 
 /// Most shadow maps, beyond what any scene needs, and few enough that no product with their size overflows.
 const MAX_SHADOW_MAPS: usize = 4096;
-/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver gives up a
+/// Most comparisons for a soft shadow: a pixel makes twice as many for every light, and a driver aborts a
 /// pass that takes seconds.
 const MAX_SOFT_SAMPLES: u32 = 256;
 

@@ -1,4 +1,4 @@
-//! What the frame drawn last left on the device.
+//! Reads back the buffers of the frame drawn last.
 
 use super::light_space::LightSpace;
 use super::lights::GpuLight;

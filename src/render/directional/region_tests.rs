@@ -6,7 +6,8 @@ use crate::gpu::{Array, Gpu, Timer, read_buffer};
 use crate::render::test_scenes::sky;
 use lightcast_core::light::{Light, RegionLists, Regions};
 
-/// Lists of the device for lights that stand behind `before` others, in words behind `first_word` others.
+/// Lists built on the device for lights that follow `before` others in the buffer, stored from word
+/// `first_word` on.
 fn lists_of_device(
     gpu: &Gpu,
     pass: &RegionPass,

@@ -1,4 +1,4 @@
-//! Lights to angular regions on the device.
+//! Assigns lights to angular regions on the device.
 
 use super::lights::GpuLight;
 use crate::gpu::{Array, Gpu, Timer};
@@ -10,7 +10,7 @@ pub(super) const SHADER: &str = include_str!("../../../shaders/directional/regio
 /// Words before the lights of a region's list: their number, and the factor for their power.
 pub(super) const HEAD_WORDS: u32 = 2;
 
-/// Which lights go to which lists.
+/// Which lights are assigned to which lists.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub(super) struct Assignment {
@@ -21,7 +21,7 @@ pub(super) struct Assignment {
 }
 
 impl Assignment {
-    /// Words of a region's list.
+    /// Number of words of a region's list.
     pub fn stride(&self) -> u32 {
         self.capacity + HEAD_WORDS
     }
@@ -41,13 +41,13 @@ impl RegionSet {
         Self { regions, caps, assignment: Array::new(gpu, "assignment", wgpu::BufferUsages::UNIFORM, 1) }
     }
 
-    /// Says which lights are to be assigned, and where to.
+    /// Sets which lights are assigned, and to which lists.
     pub fn set(&mut self, gpu: &Gpu, assignment: Assignment) {
         self.assignment.write(gpu, &[assignment]);
     }
 }
 
-/// Builds lists.
+/// The pass that builds the lists.
 pub(super) struct RegionPass(wgpu::ComputePipeline);
 
 impl RegionPass {
@@ -73,7 +73,7 @@ impl RegionPass {
         )
     }
 
-    /// Builds the lists of each set behind a bind group of [`Self::bind_group`].
+    /// Builds the lists of every set, each given by a bind group of [`Self::bind_group`].
     pub fn encode<'a>(
         &self,
         encoder: &mut wgpu::CommandEncoder,

@@ -1,4 +1,4 @@
-//! The sum of the lights over every pixel.
+//! Sums the lights at every pixel.
 
 use super::light_space;
 use crate::gpu::{Gpu, READ_ONLY, READ_WRITE, Timer, UNIFORM};
@@ -9,7 +9,7 @@ const BRDF: &str = include_str!("../../../shaders/brdf.wgsl");
 const VISIBILITY: &str = include_str!("../../../shaders/directional/visibility.wgsl");
 const SHADER: &str = include_str!("../../../shaders/directional/shade.wgsl");
 
-/// Sources in the order in which they are joined.
+/// Sources in the order in which they are concatenated.
 pub(super) const SOURCES: [&str; 5] = [SEEN, BRDF, light_space::SOURCE, VISIBILITY, SHADER];
 
 #[repr(C)]
@@ -25,7 +25,7 @@ pub(in crate::render) struct ShadeUniform {
     pub soft_samples: u32,
 }
 
-/// Shades pixels.
+/// The pass that shades pixels.
 pub(super) struct ShadePass {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -33,7 +33,8 @@ pub(super) struct ShadePass {
 }
 
 impl ShadePass {
-    /// For views of this layout. With `counts` it also adds up what it looks at, which costs time.
+    /// A pass for views of this layout. With `counts` it also counts the lights that it evaluates, which
+    /// costs time.
     pub fn new(gpu: &Gpu, view: &wgpu::BindGroupLayout, counts: bool) -> Self {
         let atlas = wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Depth,

@@ -178,7 +178,7 @@ impl DirectionalFrame {
         lit / samples as f32
     }
 
-    /// What the pass adds to a pixel, and the lights that it looked at and shaded.
+    /// The radiance that the pass adds to a pixel, and the numbers of lights that it read and shaded.
     pub(super) fn main(&self, seen: &SeenFrame, pixel: UVec2) -> ([f32; 3], [u32; 2]) {
         let (shade, sample) = (&self.shade, &seen.sample);
         let Some(position) = seen.position(pixel) else { return ([0.0; 3], [0; 2]) };

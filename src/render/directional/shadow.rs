@@ -12,7 +12,7 @@ pub(super) const SOURCES: [&str; 3] =
 /// Draws shadow maps.
 pub(super) struct ShadowPass {
     solid: wgpu::RenderPipeline,
-    /// For materials with holes, which are looked up texel by texel.
+    /// For cut-out materials, whose alpha is tested per texel.
     cut_out: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
     pub atlas_view: wgpu::TextureView,
@@ -38,7 +38,7 @@ impl ShadowPass {
                     compilation_options: wgpu::PipelineCompilationOptions::default(),
                     buffers: &[Some(buffer)],
                 },
-                // No culling: open meshes cast from both sides.
+                // No culling: open meshes cast shadows from both sides.
                 primitive: wgpu::PrimitiveState::default(),
                 depth_stencil: Some(wgpu::DepthStencilState {
                     format,

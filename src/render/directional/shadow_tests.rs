@@ -1,4 +1,4 @@
-//! Hard shadows against exact ones: no acne, no gaps, nothing blurred that need not be.
+//! Hard shadows against exact ones: no acne, no light leaks, no unnecessary blur.
 
 use super::exact_shadow::Sheets;
 use super::shade_twin::{Lookup, terminator};
@@ -27,21 +27,22 @@ const HARD: Options = Options {
     ..OPTIONS
 };
 
-/// Pixels that face a light and about which all texels that have a say agree, by exact visibility.
+/// Pixels that face a light and whose relevant texels all agree, by exact visibility.
 #[derive(Debug, Default)]
 struct Compared {
     lit: usize,
     dark: usize,
-    /// Those of them that are shadowed, or lit, by more than a hundredth.
+    /// Numbers of lit pixels that are shadowed, and of dark pixels that are lit, by more than a hundredth.
     acne: usize,
     leaks: usize,
-    /// Light that lit pixels lose, and that dark pixels get, by all that lit pixels should have.
+    /// Light that lit pixels lose, and that dark pixels receive, relative to the total that lit pixels should
+    /// have.
     lost: f64,
     leaked: f64,
 }
 
-/// Draws a Lambertian scene under one light and compares every pixel with exact visibility, but for those
-/// nearer to the border of a shadow, as the light sees it, than `margin` texels.
+/// Draws a Lambertian scene under one light and compares every pixel with exact visibility, except those
+/// nearer than `margin` texels, as seen from the light, to the border of a shadow.
 fn compared(renderer: &mut Renderer, camera: &Camera, direction: Vec3, margin: f64) -> Compared {
     let light = light(0, direction, PI);
     let direction = Vec3::from(light.direction);
@@ -55,7 +56,8 @@ fn compared(renderer: &mut Renderer, camera: &Camera, direction: Vec3, margin: f
         let Some(position) = frame.position(pixel) else { continue };
         let s = frame.surface(pixel);
         let (n_l, face_l) = (s.normal.dot(direction), s.face.dot(direction));
-        // Of a light so flat the picture shows nothing, and halves hold too few digits of it.
+        // At such grazing angles the light is invisible in the picture, and half floats are too imprecise for
+        // it.
         if n_l <= 1e-2 || face_l <= 1e-2 {
             continue;
         }
@@ -89,8 +91,8 @@ fn compared(renderer: &mut Renderer, camera: &Camera, direction: Vec3, margin: f
     compared
 }
 
-/// Parts of the light that may be lost by lit pixels, or get to dark ones: reached are 0.0073, at walls
-/// nearly along the light, and 0.0043, in a bowl of coarse triangles.
+/// Fractions of the light that lit pixels may lose, and that dark ones may receive. Measured: 0.0073, at
+/// walls nearly parallel to the light, and 0.0043, in a bowl of coarse triangles.
 const LOST: f64 = 0.01;
 const LEAKED: f64 = 0.005;
 
@@ -98,7 +100,7 @@ fn lambert() -> Vec<Material> {
     vec![Material::lambert([0.8; 3])]
 }
 
-/// A direction so far from the zenith.
+/// A direction at `degrees` from the zenith.
 fn towards(degrees: f32, azimuth: f32) -> Vec3 {
     let theta = degrees.to_radians();
     Vec3::new(theta.sin() * azimuth.cos(), theta.cos(), theta.sin() * azimuth.sin())
@@ -156,7 +158,8 @@ fn shadows_begin_where_things_stand() {
                 let about = format!("{name}, ground casts {ground_casts}, {degrees} degrees: {found:?}");
                 assert!(found.dark > 500, "{about}");
                 assert!(found.lost < LOST && found.leaks == 0, "{about}");
-                // The foot of a wall along the light stands before texels of the ground that casts.
+                // The foot of a wall along the light is compared with texels of the ground if the ground
+                // casts shadows.
                 assert!(ground_casts || found.acne == 0, "{about}");
             }
         }
@@ -172,7 +175,7 @@ fn the_shadow_of_a_small_thing_on_a_huge_ground_is_sharp() {
     let camera =
         Camera { up: Vec3::Z, ..close_up(Vec3::new(-1.5, 3.0, 0.0), Vec3::new(-1.5, -1.0, 0.0), 0.2) };
     let found = compared(&mut renderer, &camera, towards(45.0, 0.0), 1.6);
-    // The shadow's edge runs through the picture; the rows and columns within two texels of it are few.
+    // The shadow's edge runs through the picture; few rows and columns are within two texels of it.
     assert!(found.lit > 3000 && found.dark > 3000 && found.acne + found.leaks == 0, "{found:?}");
     assert!(found.lit + found.dark > 95 * (SIZE[0] * SIZE[1]) as usize / 100, "{found:?}");
 }
@@ -228,7 +231,7 @@ fn holes_of_a_material_let_light_through() {
         Material { base_colour_texture: Some(0), alpha_cutoff: Some(0.5), ..Material::lambert([0.8; 3]) };
     let materials = vec![Material::lambert([0.8; 3]), plate];
     let mut scene = scene(vec![(ground(1.0, 1.0, 1), true), (ground(4.0, -1.0, 0), false)], materials);
-    // Alpha passes 0.5 half way between the middles of both pixels, at x = 0.5.
+    // Alpha crosses 0.5 half-way between the centres of both pixels, at x = 0.5.
     scene.textures.push(two_pixels([[255; 4], [255, 255, 255, 0]]));
     let mut renderer = Renderer::new(gpu, scene, &HARD).unwrap();
     renderer.draw(&[light(0, Vec3::Y, 1.0)], &camera(), 1).unwrap();

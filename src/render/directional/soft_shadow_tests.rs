@@ -1,4 +1,4 @@
-//! Soft shadows: as wide as the light's spread says.
+//! Soft shadows: their width follows from the light's spread.
 
 use crate::gpu::Gpu;
 use crate::render::test_scenes::*;
@@ -9,8 +9,8 @@ use lightcast_core::light::Light;
 
 const SIZE: [u32; 2] = [128, 96];
 
-/// RMS width of the edge of the shadow of a thin plate at `height` over the ground under a light in the
-/// zenith, and the distance of its middle from where the plate ends.
+/// RMS width of the edge of the shadow of a thin plate at `height` over the ground under a light at the
+/// zenith, and the distance of its middle from the plate's edge.
 fn edge(height: f32, spread_rad: f32, soft_samples: u32, plate_casts_far: bool) -> Option<(f64, f64)> {
     let gpu = Gpu::for_test()?;
     let options = Options {
@@ -27,15 +27,15 @@ fn edge(height: f32, spread_rad: f32, soft_samples: u32, plate_casts_far: bool) 
         },
         ..Options::default()
     };
-    // The plate covers x < 0. Where something else stands higher, the search for what hides the light must
-    // reach farther than the penumbra of the plate.
+    // The plate covers x < 0. With a higher caster elsewhere, the blocker search must extend farther than the
+    // penumbra of the plate.
     let top = if plate_casts_far { 3.0 * height } else { height };
     let plate = cuboid(Vec3::new(-3.0, height, -2.0), Vec3::new(0.0, height + 1e-3, 2.0), 0);
     let post = cuboid(Vec3::new(-3.0, top, -2.0), Vec3::new(-2.9, top + 1e-3, -1.9), 0);
     let meshes = vec![(plate, true), (post, true), (ground(3.0, 0.0, 0), false)];
     let scene = scene(meshes, vec![Material::lambert([0.8; 3])]);
     let mut renderer = Renderer::new(gpu, scene, &options).unwrap();
-    // From below the plate, so that all of the edge is seen.
+    // The camera is below the plate, so that the whole edge is visible.
     let camera = Camera {
         eye: Vec3::new(0.0, 0.9 * height, 0.0),
         target: Vec3::ZERO,
@@ -47,7 +47,7 @@ fn edge(height: f32, spread_rad: f32, soft_samples: u32, plate_casts_far: bool) 
     renderer.draw(&[light], &camera, 1).unwrap();
     let (frame, _) = renderer.read_back();
     let open = 0.8 / std::f64::consts::PI;
-    // Columns run along -x or +x: mean over the rows, by place.
+    // Columns run along -x or +x: the profile is the mean over the rows, by position.
     let mut profile: Vec<(f64, f64)> = (0..SIZE[0])
         .map(|x| {
             let at = frame.position(UVec2::new(x, SIZE[1] / 2)).expect("the ground fills the picture").x;
@@ -82,7 +82,7 @@ fn an_edge_is_as_wide_as_the_spread_of_the_light() {
                     let about = format!(
                         "height {height}, spread {spread_rad}, {samples} samples, a higher post {far}: {width} {middle}"
                     );
-                    // Reached are 0.7 % and 0.5 %.
+                    // Measured: 0.7 % and 0.5 %.
                     assert!((width - 1.0).abs() < 0.02 && middle.abs() < 0.02, "{about}");
                 }
             }

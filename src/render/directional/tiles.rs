@@ -1,26 +1,27 @@
 use glam::Vec3;
 use lightcast_core::light::Light;
 
-/// How much brighter a light must be than one that has a shadow map to take it over: lights of nearly the
-/// same power would else take it from each other in every frame.
+/// Factor by which a light must be brighter than one with a shadow map to take over its tile: otherwise
+/// lights of nearly equal power would take it from each other in every frame.
 const TAKE_OVER: f32 = 1.2;
 
-/// Which lights have a shadow map: those of most power, and the others borrow the nearest.
+/// Assignment of shadow maps (tiles of the shadow atlas) to lights: those with the most power have one, the
+/// others use that of the nearest light.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tiles {
-    /// For each tile the id of the light that has it; `None`: free.
+    /// For each tile the id of the light that owns it; `None`: free.
     owners: Vec<Option<u32>>,
     /// For each light of the last list its tile; `u32::MAX` where there are no tiles at all.
     pub tile_of: Vec<u32>,
-    /// Direction towards the light of each tile in use; unused tiles have the last one's.
+    /// Direction towards the light of each tile in use; straight up for unused tiles.
     pub directions: Vec<[f32; 4]>,
     order: Vec<u32>,
     own: Vec<Option<u32>>,
 }
 
 impl Tiles {
-    /// Gives `count` tiles to the lights of most power among `lights`, whose ids differ from each other. A
-    /// light keeps its tile while it is there, has power, and no light without one is brighter by a fifth.
+    /// Assigns `count` tiles to the lights with the most power among `lights`, whose ids are distinct. A
+    /// light keeps its tile while it exists, has power, and no light without a tile is brighter by a fifth.
     pub fn assign(&mut self, lights: &[Light], count: usize) {
         self.owners.resize(count, None);
         self.own.clear();
@@ -43,13 +44,13 @@ impl Tiles {
             let tile = match self.owners.iter().position(Option::is_none) {
                 Some(free) => free,
                 None => {
-                    // The weakest of those that have one.
+                    // The weakest light with a tile.
                     let weakest = self.order.iter().rev().find(|&&weak| self.own[weak as usize].is_some());
                     match weakest {
                         Some(&weak) if power(index) > TAKE_OVER * power(weak) => {
                             self.own[weak as usize].take().map_or(0, |tile| tile as usize)
                         }
-                        // Those after it are weaker still.
+                        // All later lights are weaker still.
                         _ => break,
                     }
                 }
@@ -82,7 +83,7 @@ impl Tiles {
             .map_or(u32::MAX, |tile| tile as u32)
     }
 
-    /// Tiles that a light has.
+    /// Tiles that are owned by a light.
     pub fn used(&self) -> impl Iterator<Item = u32> {
         self.owners.iter().enumerate().filter(|(_, owner)| owner.is_some()).map(|(tile, _)| tile as u32)
     }

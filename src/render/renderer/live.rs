@@ -1,5 +1,5 @@
-//! What a live view needs beyond [`Renderer::draw`]: a quality that changes from frame to frame, a picture
-//! that gets better while nothing moves, and a size that follows the window.
+//! What a live view needs beyond [`Renderer::draw`]: a quality that changes from frame to frame, progressive
+//! refinement of a static picture, and a size that follows the window.
 
 use super::{Renderer, picture};
 use crate::error::Result;
@@ -9,13 +9,13 @@ use crate::render::view::{Before, Sample};
 use crate::scene::Camera;
 
 impl Renderer {
-    /// What was reserved.
+    /// The options, which determine what was reserved.
     pub fn options(&self) -> &Options {
         &self.options
     }
 
-    /// Lights of set H and shadow maps from the next [`draw`](Self::draw) on: at least one light, and at most
-    /// what the options reserved.
+    /// Sets the numbers of lights of set H and of shadow maps from the next [`draw`](Self::draw) on: at least
+    /// one light, and at most what the options reserved.
     pub fn set_quality(&mut self, quality: Quality) {
         self.quality = Quality {
             lights: quality.lights.clamp(1, self.options.directional.lights),
@@ -37,10 +37,10 @@ impl Renderer {
         self.gpu.check()
     }
 
-    /// Changes the size of the picture. What was drawn is lost, and the exposure starts anew.
+    /// Changes the size of the picture. The current picture is lost, and the exposure starts anew.
     ///
     /// # Errors
-    /// Kind `Usage` for a size that the device cannot do.
+    /// Kind `Usage` for a size that the device does not support.
     pub fn resize(&mut self, width_px: u32, height_px: u32) -> Result<()> {
         let options = Options { width_px, height_px, ..self.options };
         options.check(&self.gpu.device.limits())?;

@@ -1,4 +1,4 @@
-//! What comes out of a renderer: pictures, radiance, counts and times.
+//! Outputs of a renderer: pictures, radiance, counts and times.
 
 use super::Renderer;
 use crate::error::Result;
@@ -6,8 +6,8 @@ use crate::gpu::{PassTimes, read_buffer, read_texture};
 use crate::render::directional::LightCounts;
 
 impl Renderer {
-    /// Maps the frame drawn last to `target`, `elapsed_s` after the one before: the exposure follows what is
-    /// seen in about half a second.
+    /// Maps the frame drawn last to `target`, `elapsed_s` after the previous one: the exposure adapts to the
+    /// picture in about half a second.
     ///
     /// # Errors
     /// Those of the device.
@@ -20,7 +20,7 @@ impl Renderer {
     }
 
     /// [`Self::present`] into memory: 8-bit sRGB and alpha for every pixel, row-major from the top. Alpha is
-    /// 255 but where the background is transparent; colours are not multiplied by it.
+    /// 255 except where the background is transparent; colours are not premultiplied.
     ///
     /// # Errors
     /// Those of the device.
@@ -34,13 +34,14 @@ impl Renderer {
         Ok(())
     }
 
-    /// Whether the background is transparent: alpha then says how much of a pixel shows a surface.
+    /// Whether the background is transparent: alpha is then the fraction of a pixel that shows a surface.
     pub fn is_transparent(&self) -> bool {
         self.view.is_transparent()
     }
 
-    /// The picture as radiance: for every pixel, row-major from the top, linear RGB and the share of it that
-    /// shows a surface or a background that has radiance (colours are not divided by it).
+    /// The picture as radiance: for every pixel, row-major from the top, linear RGB and the fraction of the
+    /// pixel that shows a surface or a background with radiance (colours are not divided by it, that is,
+    /// premultiplied).
     ///
     /// # Errors
     /// Those of the device.
@@ -48,7 +49,8 @@ impl Renderer {
         read_buffer(&self.gpu, self.view.seen.radiance.buffer(), self.options.pixels(), pixels)
     }
 
-    /// What pixels looked at since the last call; zeros unless the options ask for counts.
+    /// Counts of the lights that pixels evaluated since the last call; zeros unless the options enable
+    /// counts.
     ///
     /// # Errors
     /// Those of the device.
@@ -59,8 +61,8 @@ impl Renderer {
         }
     }
 
-    /// Waits for the frame drawn last: GPU time of its passes, of the first 64 of them, empty where the
-    /// adapter does not measure.
+    /// Waits for the frame drawn last: GPU times of its first 64 passes, empty where the adapter has no
+    /// timestamps.
     ///
     /// # Errors
     /// Those of the device.

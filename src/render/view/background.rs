@@ -1,4 +1,4 @@
-//! What is seen where there is no surface, on the device.
+//! The background, visible where there is no surface, on the device.
 
 use super::look::Background;
 use crate::gpu::{Array, Gpu, UNIFORM};
@@ -26,7 +26,7 @@ pub(super) struct BackgroundBindings {
 }
 
 impl BackgroundBindings {
-    /// Of nothing.
+    /// Bindings for an empty background.
     pub fn new(gpu: &Gpu) -> Self {
         let panorama = wgpu::BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: false },
@@ -39,7 +39,7 @@ impl BackgroundBindings {
         Self { layout, group }
     }
 
-    /// Shows another from the next sample on.
+    /// Sets the background from the next sample on.
     pub fn set(&mut self, gpu: &Gpu, background: &Background) {
         self.group = group(gpu, &self.layout, background);
     }
@@ -69,7 +69,7 @@ fn panorama(gpu: &Gpu, map: &PolarMap) -> wgpu::Texture {
     texture(gpu, [map.shape.columns() as u32, map.shape.rows() as u32], &texels)
 }
 
-/// Full floats: a sun is brighter than halves can hold.
+/// 32-bit floats: a sun is brighter than half floats can represent.
 fn texture(gpu: &Gpu, [width, height]: [u32; 2], texels: &[[f32; 4]]) -> wgpu::Texture {
     let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {

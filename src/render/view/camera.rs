@@ -1,11 +1,12 @@
-//! From what a camera sees to the picture.
+//! Projection from the world to the picture.
 
 use crate::scene::Camera;
 use glam::dcamera::rh;
 use glam::{DMat4, DVec3};
 use lightcast_core::sampling::halton;
 
-/// Where in the pixel a sample looks, from its middle: points of Halton's sequence, the middle alone for one.
+/// Offset of a sample from the centre of its pixel: points of the Halton sequence; the centre if there is one
+/// sample.
 pub(super) fn pixel_offset(sample: u32, samples: u32) -> [f64; 2] {
     if samples == 1 {
         return [0.0; 2];
@@ -13,8 +14,9 @@ pub(super) fn pixel_offset(sample: u32, samples: u32) -> [f64; 2] {
     [2, 3].map(|base| halton(u64::from(sample) + 1, base) - 0.5)
 }
 
-/// From places relative to the eye, along the axes of the world, so that scenes far from the origin keep
-/// their digits. Reversed depth without a far plane; `offset_px` moves what is seen by parts of a pixel.
+/// Projection from positions relative to the eye, along the axes of the world, so that scenes far from the
+/// origin keep their precision. Reversed depth without a far plane; `offset_px` shifts the picture by
+/// fractions of a pixel.
 pub(super) fn clip_from_eye(camera: &Camera, [width, height]: [u32; 2], offset_px: [f64; 2]) -> DMat4 {
     let aspect = f64::from(width) / f64::from(height);
     let clip_from_view = rh::proj::directx::perspective_infinite_reverse(

@@ -1,6 +1,5 @@
-//! The exposure of a picture that follows what is seen: log-average, key and white (Reinhard et al. 2002 and
-//! 2003) smoothed over time (Havran et al. 2005, section 5.1), so that brightness does not flicker with what
-//! the camera sees.
+//! Automatic exposure of a picture: log-average, key and white (Reinhard et al. 2002 and 2003) smoothed over
+//! time (Havran et al. 2005, section 5.1), so that brightness does not flicker with what the camera sees.
 
 use crate::gpu::{Array, Gpu, Timer};
 use bytemuck::{Pod, Zeroable};
@@ -11,10 +10,10 @@ const ADAPT: &str = include_str!("../../../shaders/view/adapt.wgsl");
 const BINS: usize = 1024;
 /// Pixels that one workgroup counts.
 const PIXELS_PER_GROUP: usize = 256 * 16;
-/// Workgroups along one axis that every device allows.
+/// Most workgroups along one axis that every device supports.
 const GROUPS_PER_ROW: usize = 65_535;
 
-/// Time after which the exposure has followed a change by all but 1/e, as quick as eyes that see by day.
+/// Time after which the exposure has adapted to a change except for 1/e, as fast as human eyes in daylight.
 const TIME_CONSTANT_S: f64 = 0.4;
 
 /// State of the adaptation, in stops.
@@ -27,7 +26,7 @@ pub(super) struct Exposure {
     pub started: u32,
 }
 
-/// Measures pictures.
+/// The pass that measures pictures.
 pub(super) struct ExposurePass {
     histogram: wgpu::ComputePipeline,
     adapt: wgpu::ComputePipeline,
@@ -40,7 +39,7 @@ pub(super) struct ExposurePass {
 }
 
 impl ExposurePass {
-    /// Of a buffer of so many pixels.
+    /// A pass for a buffer of `pixels` pixels.
     pub fn new(gpu: &Gpu, radiance: &Array<[f32; 4]>, pixels: usize) -> Self {
         use wgpu::BufferUsages as Usage;
         let histogram = gpu.compute_pipeline("histogram", &[HISTOGRAM], &[], None);
@@ -56,14 +55,15 @@ impl ExposurePass {
         Self { histogram, adapt, histogram_group, adapt_group, adaptation, bins, state, pixels }
     }
 
-    /// Measures another buffer from now on; the exposure starts anew.
+    /// Switches to another buffer; the exposure starts anew.
     pub fn resize(&mut self, gpu: &Gpu, radiance: &Array<[f32; 4]>, pixels: usize) {
         self.histogram_group = histogram_group(gpu, &self.histogram, radiance, &self.bins);
         self.pixels = pixels;
         self.state.write(gpu, &[Exposure::default()]);
     }
 
-    /// Follows the picture, `elapsed_s` after the one before; the first sets the exposure at once.
+    /// Adapts to the picture, `elapsed_s` after the previous one; the first picture sets the exposure at
+    /// once.
     pub fn encode(
         &mut self,
         gpu: &Gpu,
@@ -100,7 +100,7 @@ fn histogram_group(
     gpu.bind_group(&layout, &[(0, radiance.binding()), (1, bins.binding())])
 }
 
-/// Share of the way that the exposure goes in so much time. Time that runs backwards stands still.
+/// Fraction of a change to which the exposure adapts in `elapsed_s`. Negative times count as 0.
 pub(super) fn adaptation_rate(elapsed_s: f64) -> f32 {
     (1.0 - (-elapsed_s.max(0.0) / TIME_CONSTANT_S).exp()) as f32
 }

@@ -1,54 +1,54 @@
 use crate::error::{Error, Result};
 use lightcast_core::image::PolarMap;
 
-/// How radiance becomes a picture.
+/// How radiance is mapped to a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Look {
-    /// What is seen where there is no surface.
+    /// What is shown where there is no surface.
     pub background: Background,
-    /// What radiance is multiplied by before the tone curve.
+    /// Factor on radiance before the tone curve.
     pub exposure: Exposure,
-    /// How it is mapped to what a screen can show.
+    /// How exposed radiance is mapped to the range of a screen.
     pub tone: Tone,
 }
 
-/// What is seen where there is no surface.
+/// What is shown where there is no surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Background {
-    /// A quarter of the picture's log-average; no radiance.
+    /// Grey at a quarter of the picture's log-average; it is not radiance of the scene.
     #[default]
     Grey,
-    /// This radiance, exposed as all else.
+    /// This radiance, exposed like everything else.
     Colour([f32; 3]),
     /// The map along the view ray; black below its rim.
     Panorama(PolarMap),
-    /// Nothing: pictures have an alpha channel, the share of a pixel that shows a surface.
+    /// Nothing: pictures have an alpha channel, the fraction of a pixel that shows a surface.
     Transparent,
 }
 
-/// What radiance is multiplied by before the tone curve.
+/// Factor on radiance before the tone curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Exposure {
-    /// What makes the picture's log-average its key, smoothed over time.
+    /// The factor that maps the picture's log-average to its key, smoothed over time.
     #[default]
     Automatic,
-    /// Two to the power of this, whatever the picture is like.
+    /// Two to the power of this, independent of the picture.
     Stops(f32),
 }
 
-/// How exposed radiance is mapped to what a screen can show.
+/// How exposed radiance is mapped to the range of a screen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tone {
     /// Reinhard's global operator (2002, equations 2 and 4), then the curve of sRGB.
     #[default]
     Reinhard,
-    /// The curve of sRGB alone: what is brighter than 1 clips.
+    /// The curve of sRGB alone: values above 1 clip.
     Srgb,
     /// None: codes are proportional to radiance up to 1.
     None,
 }
 
-/// Most stops by which pictures are made brighter or darker: more is more than floats can hold.
+/// Most stops by which pictures are made brighter or darker: more would exceed the range of floats.
 const MOST_STOPS: f32 = 64.0;
 
 impl Look {
@@ -57,7 +57,7 @@ impl Look {
         self.background == Background::Transparent
     }
 
-    /// Refuses what cannot be drawn.
+    /// Refuses a look that cannot be drawn.
     pub(in crate::render) fn check(&self, limits: &wgpu::Limits) -> Result<()> {
         if let Exposure::Stops(stops) = self.exposure
             && !(-MOST_STOPS..=MOST_STOPS).contains(&stops)

@@ -34,7 +34,7 @@ fn a_panorama_is_seen_along_the_view_rays() {
     let colours = |row: usize, column: usize| [row as f32, column as f32, ((row * column) % 7) as f32];
     for shape in [PolarShape::sphere(36, 18), PolarShape::hemisphere(40, 10)] {
         let map = PolarMap::from_fn(shape, colours);
-        // Over the seam at +X, towards both poles, and sideways.
+        // Views across the seam at +X, towards both poles, and sideways.
         for (target, up) in [
             (Vec3::X, Vec3::Y),
             (Vec3::Y, Vec3::Z),
@@ -48,7 +48,7 @@ fn a_panorama_is_seen_along_the_view_rays() {
             for (index, pixel) in (0..).zip(&pixels) {
                 let at = UVec2::new(index % SIZE[0], index / SIZE[0]);
                 let ray = seen.offset_from_eye(at, 1.0).normalize_or_zero();
-                // The ray is what the camera says, apart from the matrices of the renderer.
+                // The ray is computed from the camera, independently of the renderer's matrices.
                 let right = camera.view_from_world().transpose();
                 let (x, y) = (
                     (2.0 * (at.x as f32 + 0.5) / SIZE[0] as f32 - 1.0) * SIZE[0] as f32 / SIZE[1] as f32,
@@ -116,7 +116,7 @@ fn a_transparent_picture_laid_over_a_colour_is_the_picture_before_that_colour() 
         partial += usize::from(over[3] > 0 && over[3] < 255);
         for channel in 0..3 {
             let laid = alpha * f32::from(over[channel]) + (1.0 - alpha) * grey * 255.0;
-            // Colour and alpha are rounded each; surfaces brighter than white clip.
+            // Colour and alpha are each rounded; surfaces brighter than white clip.
             let difference = (laid - f32::from(before[channel])).abs();
             assert!(difference <= 2.0 || over[channel] == 255, "{over:?} {before:?}");
         }
@@ -139,7 +139,7 @@ fn a_stop_doubles_and_the_exposure_that_is_given_does_not_follow_the_picture() {
     };
     let (dark, bright) = (mean(-3.0, 60), mean(-2.0, 60));
     assert!((bright / dark - 2.0).abs() < 0.05, "{dark} {bright}");
-    // Without the lights of the sky the sun alone is darker, and stays so.
+    // Without the lights of the sky the sun alone is darker, and remains so.
     assert!(mean(-2.0, 1) < 0.9 * bright);
 }
 

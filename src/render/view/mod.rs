@@ -1,4 +1,5 @@
-//! What a camera sees, whatever lights it: surfaces of every pixel, radiance, and the way to a screen.
+//! What a camera sees, independent of the lighting: surfaces of every pixel, radiance, and the mapping to a
+//! screen.
 //!
 //! A sample of the picture [starts](View::start) with its surfaces and what they emit; then lightings add
 //! radiance to it through [`Seen`].
@@ -30,35 +31,36 @@ use tone::TonePass;
 pub use look::{Background, Exposure, Look, Tone};
 pub(super) use seen::{SOURCE as SEEN, Seen};
 
-/// What becomes of what the picture holds when a sample is added.
+/// What happens to the current picture when a sample is added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Before {
-    /// It is dropped: the sample starts the picture.
+    /// It is discarded: the sample starts a new picture.
     Drop,
-    /// It stays as it is.
+    /// It is kept unchanged.
     Keep,
     /// It is the mean of all samples before this one.
     Average,
 }
 
-/// One of the pictures, from slightly different points of each pixel, that a frame is the mean of.
+/// One of the pictures, from slightly different points of each pixel, whose mean is a frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
-    /// Its number.
+    /// Its index.
     pub index: u32,
     /// How many there are.
     pub count: u32,
     pub before: Before,
-    /// Whether it has what surfaces emit: where light is added in several passes only the first does.
+    /// Whether it includes the emission of surfaces: where light is added in several passes, only the first
+    /// does.
     pub has_emission: bool,
 }
 
-/// A picture in the making.
+/// The picture that is being rendered.
 pub(super) struct View {
     pub surfaces: SurfacePass,
     surface_group: wgpu::BindGroup,
     camera: Array<CameraUniform>,
-    /// What lightings read and add to.
+    /// The data that lightings read and add to.
     pub seen: Seen,
     start: StartPass,
     background: BackgroundBindings,
@@ -67,7 +69,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Pictures of `size` of this world, on targets of `format`, which must code as sRGB.
+    /// A view of this world for pictures of `size`, on targets of `format`, which must be an sRGB format.
     pub fn new(gpu: &Gpu, world: &World, size: [u32; 2], format: wgpu::TextureFormat) -> Self {
         let surfaces = SurfacePass::new(gpu, size);
         let camera = Array::new(gpu, "camera", wgpu::BufferUsages::UNIFORM, 1);
@@ -79,17 +81,17 @@ impl View {
         Self { surfaces, surface_group, camera, seen, start, background, tone, is_transparent: false }
     }
 
-    /// Changes the size. What was drawn is lost, and the exposure starts anew.
+    /// Changes the size. The current picture is lost, and the exposure starts anew.
     pub fn resize(&mut self, gpu: &Gpu, size: [u32; 2]) {
         self.surfaces.resize(gpu, size);
         self.seen.resize(gpu, &self.surfaces, size);
         self.tone.resize(gpu, &self.seen.radiance, size);
     }
 
-    /// Looks like this from the next frame on.
+    /// Sets the look from the next frame on.
     ///
     /// # Errors
-    /// Kind `Usage` for what the device cannot show.
+    /// Kind `Usage` for a look that the device does not support.
     pub fn set_look(&mut self, gpu: &Gpu, look: &Look) -> Result<()> {
         look.check(&gpu.device.limits())?;
         self.background.set(gpu, &look.background);
@@ -103,7 +105,7 @@ impl View {
         self.is_transparent
     }
 
-    /// Starts a sample of what `camera` sees: the lightings add theirs after it.
+    /// Starts a sample of the view from `camera`: the lightings add their radiance after it.
     pub fn start(
         &mut self,
         gpu: &Gpu,

@@ -1,11 +1,11 @@
-//! What lightings see of a view, and the radiance that they add to.
+//! The part of a view that lightings read, and the radiance to which they add.
 
 use super::surface::SurfacePass;
 use crate::gpu::{Array, Gpu, READ_WRITE, UNIFORM};
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
-/// Source that every lighting joins before its own: the bindings of group 0, and functions that read and add.
+/// Source that every lighting prepends to its own: the bindings of group 0, and functions that read and add.
 pub(in crate::render) const SOURCE: &str = include_str!("../../../shaders/view/seen.wgsl");
 
 /// Side of a workgroup of the shaders that [`Seen::dispatch`] runs.
@@ -56,7 +56,7 @@ impl Seen {
         Self { layout, group, sample, radiance, size }
     }
 
-    /// Follows the surfaces to another size; what was drawn is lost.
+    /// Adapts to the new size of the surfaces; the current picture is lost.
     pub fn resize(&mut self, gpu: &Gpu, surfaces: &SurfacePass, size: [u32; 2]) {
         self.size = size;
         self.radiance = radiance(gpu, size);
@@ -68,7 +68,8 @@ impl Seen {
         &self.layout
     }
 
-    /// Runs the pipeline that is set, one invocation a pixel in workgroups of 8 x 8, with this as group 0.
+    /// Runs the current pipeline with one invocation per pixel in workgroups of 8 x 8, and with this as
+    /// group 0.
     pub fn dispatch(&self, pass: &mut wgpu::ComputePass) {
         let [width, height] = self.size;
         pass.set_bind_group(0, &self.group, &[]);

@@ -1,4 +1,4 @@
-//! CPU twin of `shaders/view/seen.wgsl` and `shaders/view/start.wgsl`, function by function, on what was read
+//! CPU twin of `shaders/view/seen.wgsl` and `shaders/view/start.wgsl`, function by function, on data read
 //! back from the device.
 
 use super::View;
@@ -17,7 +17,7 @@ pub(in crate::render) struct Surface {
     pub receives: bool,
 }
 
-/// All that the lightings of the last sample saw, and the picture.
+/// Everything that the lightings of the last sample read, and the picture.
 pub(in crate::render) struct SeenFrame {
     pub sample: SampleUniform,
     pub depths: Vec<f32>,
@@ -27,7 +27,7 @@ pub(in crate::render) struct SeenFrame {
 }
 
 impl View {
-    /// Waits for the sample drawn last.
+    /// Waits for the sample drawn last and reads it back.
     pub(in crate::render) fn read_back(&self, gpu: &Gpu) -> SeenFrame {
         let mut samples = Vec::new();
         read_buffer(gpu, self.seen.sample.buffer(), 1, &mut samples).unwrap();
@@ -70,7 +70,7 @@ impl SeenFrame {
         (pixel.y * self.sample.size[0] + pixel.x) as usize
     }
 
-    /// World position of what a pixel shows, `None` where that is nothing.
+    /// World position of the surface that a pixel shows, `None` where there is none.
     pub fn position(&self, pixel: UVec2) -> Option<Vec3> {
         let depth = self.depths[self.index(pixel)];
         (depth > 0.0).then(|| self.sample.eye + self.offset_from_eye(pixel, depth))
@@ -97,7 +97,7 @@ impl SeenFrame {
         }
     }
 
-    /// What a pixel has before any light is added, in a picture that this sample starts.
+    /// Value of a pixel before any light is added, in a picture that this sample starts.
     pub fn start(&self, pixel: UVec2) -> [f32; 4] {
         if self.sample.has_emission == 0 || self.position(pixel).is_none() {
             return [0.0; 4];

@@ -2,8 +2,8 @@ use super::background::BackgroundBindings;
 use super::seen::{self, Seen};
 use crate::gpu::{Gpu, Timer};
 
-/// Starts a sample: what earlier ones left of the picture, what surfaces emit by themselves, and the
-/// background.
+/// The pass that starts a sample: it combines the picture of earlier samples, the emission of surfaces, and
+/// the background.
 pub(super) struct StartPass(wgpu::ComputePipeline);
 
 const SOURCES: [&str; 2] = [seen::SOURCE, include_str!("../../../shaders/view/start.wgsl")];
@@ -23,7 +23,7 @@ impl StartPass {
     ) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("start"),
-            // With the lightings: together they make the radiance.
+            // It is measured with the lightings: together they compute the radiance.
             timestamp_writes: timer.compute("shade"),
         });
         pass.set_pipeline(&self.0);

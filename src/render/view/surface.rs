@@ -1,4 +1,4 @@
-//! What every pixel shows: depth, normals and reflectances.
+//! The surface in every pixel: depth, normals and reflectances.
 
 use crate::gpu::{Array, Gpu, READ_ONLY, Timer, UNIFORM};
 use crate::render::geometry::{self, Instance, VERTEX_LAYOUT};
@@ -9,7 +9,7 @@ use glam::{Mat4, Vec3};
 
 pub(super) const SOURCES: [&str; 2] = [geometry::SOURCE, include_str!("../../../shaders/view/surface.wgsl")];
 
-/// Where from it is seen.
+/// Position and projection of the camera, for shaders.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(in crate::render) struct CameraUniform {
@@ -18,7 +18,7 @@ pub(in crate::render) struct CameraUniform {
     pub pad: u32,
 }
 
-/// Draws surfaces into textures of the picture's size.
+/// The pass that draws surfaces into textures of the picture's size.
 pub(in crate::render) struct SurfacePass {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
@@ -55,7 +55,8 @@ impl SurfacePass {
             },
             // No culling: back sides are shaded too, and mirrored instances need no second pipeline.
             primitive: wgpu::PrimitiveState::default(),
-            // Reversed depth: a floating-point depth is finest near 0, where all the distance lies.
+            // Reversed depth: floating-point depth has the finest resolution near 0, to which most distances
+            // are mapped.
             depth_stencil: Some(wgpu::DepthStencilState {
                 format: DEPTH,
                 depth_write_enabled: Some(true),
@@ -76,7 +77,7 @@ impl SurfacePass {
         Self { pipeline, layout, targets: Targets::new(gpu, size) }
     }
 
-    /// Draws into textures of another size from now on.
+    /// Switches to textures of another size.
     pub fn resize(&mut self, gpu: &Gpu, size: [u32; 2]) {
         self.targets = Targets::new(gpu, size);
     }

@@ -1,4 +1,4 @@
-//! From radiance to a screen: exposure, tone curve, and alpha where the background is transparent.
+//! The mapping of radiance to a screen: exposure, tone curve, and alpha where the background is transparent.
 
 use super::exposure::{Exposure, ExposurePass};
 use super::look::{self, Look, Tone};
@@ -7,11 +7,11 @@ use bytemuck::{Pod, Zeroable};
 
 const TONE: &str = include_str!("../../../shaders/view/tone.wgsl");
 
-/// What Reinhard's operator maps to white under an exposure that is given: forty times middle grey, as
-/// [`ToneCurve`](crate::picture::ToneCurve) has it.
+/// The value that Reinhard's operator maps to white under a fixed exposure: forty times middle grey, as in
+/// [`ToneCurve`](crate::picture::ToneCurve).
 const FIXED_WHITE: f32 = 7.2;
 
-/// What a picture is shown with.
+/// Parameters of the tone mapping, for shaders.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 struct ScreenUniform {
@@ -22,7 +22,7 @@ struct ScreenUniform {
     fixed_white: f32,
 }
 
-/// Maps tones.
+/// The tone mapping pass.
 pub(in crate::render) struct TonePass {
     exposure: ExposurePass,
     pipeline: wgpu::RenderPipeline,
@@ -32,7 +32,7 @@ pub(in crate::render) struct TonePass {
 }
 
 impl TonePass {
-    /// From a buffer of `width * height` pixels to targets of `format`, which must code as sRGB.
+    /// A pass from a buffer of `width * height` pixels to targets of `format`, which must be an sRGB format.
     pub fn new(gpu: &Gpu, radiance: &Array<[f32; 4]>, size: [u32; 2], format: wgpu::TextureFormat) -> Self {
         let pipeline = gpu.screen_pipeline("tone", TONE, format);
         let exposure = ExposurePass::new(gpu, radiance, pixels(size));
@@ -43,7 +43,7 @@ impl TonePass {
         Self { exposure, pipeline, group, screen, screens }
     }
 
-    /// Shows another buffer from now on; the exposure starts anew.
+    /// Switches to another buffer; the exposure starts anew.
     pub fn resize(&mut self, gpu: &Gpu, radiance: &Array<[f32; 4]>, size: [u32; 2]) {
         self.exposure.resize(gpu, radiance, pixels(size));
         self.group = group(gpu, &self.pipeline, &self.screens, radiance, &self.exposure.state);
@@ -51,11 +51,11 @@ impl TonePass {
         self.screens.write(gpu, &[self.screen]);
     }
 
-    /// Maps as this look says from now on.
+    /// Sets the look.
     pub fn set(&mut self, gpu: &Gpu, look: &Look) {
         self.screen = ScreenUniform {
             size: self.screen.size,
-            // As the shader numbers them.
+            // The numbers are those of the shader.
             curve: match look.tone {
                 Tone::Reinhard => 0,
                 Tone::Srgb => 1,
@@ -71,7 +71,7 @@ impl TonePass {
         self.screens.write(gpu, &[self.screen]);
     }
 
-    /// Maps the picture to `target`, `elapsed_s` after the one before.
+    /// Maps the picture to `target`, `elapsed_s` after the previous one.
     pub fn encode(
         &mut self,
         gpu: &Gpu,
@@ -128,7 +128,7 @@ mod twin {
     use lightcast_core::image::luminance;
     use lightcast_core::math::{linear_from_srgb, srgb_from_linear};
 
-    /// What `fragment` gives, as the target codes it.
+    /// The result of `fragment`, encoded as in the target.
     pub(super) fn fragment(
         [r, g, b, alpha]: [f32; 4],
         screen: &ScreenUniform,
@@ -178,7 +178,7 @@ mod tests {
         );
     }
 
-    /// Pixels from 2^-30 to 2^30, some of them in part or without a surface, some black.
+    /// Pixels from 2^-30 to 2^30, some of them partly or not covered by a surface, some black.
     fn pixels(count: usize) -> Vec<[f32; 4]> {
         (0..count)
             .map(|i| {
@@ -205,7 +205,7 @@ mod tests {
         })
     }
 
-    /// Draws, and holds every pixel to the twin with this exposure.
+    /// Compares every pixel with the twin under this exposure; draws first if the exposure is fixed.
     fn assert_shown(
         gpu: &Gpu,
         pass: &mut TonePass,
@@ -251,7 +251,7 @@ mod tests {
             let Exposure { log_average, log_key, log_white, started } = found[0];
             assert!((log_average - expected.log_average).abs() < 2e-3, "{log_average} {expected:?}");
             assert!((log_key - expected.log_key).abs() < 2e-3, "{log_key} {expected:?}");
-            // The percentile may fall into the next bin, as logarithms differ in the last place.
+            // The percentile may fall into the next bin, because logarithms differ in the last place.
             assert!((log_white - expected.log_white).abs() < 0.05, "{log_white} {expected:?}");
             assert_eq!(started, 1);
             // The rest of the pictures must not depend on such a bin.
@@ -284,7 +284,7 @@ mod tests {
         let screen = |curve| ScreenUniform { curve, fixed_scale: 2.0, ..ScreenUniform::default() };
         let shown =
             |curve, v: f32| twin::fragment([v, v, v, 1.0], &screen(curve), &Exposure::default())[0] * 255.0;
-        // Half of the light is code 188 of sRGB.
+        // Half of the maximum light is code 188 in sRGB.
         assert!((shown(1, 0.25) - 187.5).abs() < 0.1, "{}", shown(1, 0.25));
         assert!((shown(2, 0.25) - 127.5).abs() < 1e-3, "{}", shown(2, 0.25));
         assert!((shown(1, 3.0) - 255.0).abs() < 1e-3 && (shown(2, 3.0) - 255.0).abs() < 1e-3);

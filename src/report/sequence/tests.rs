@@ -2,7 +2,7 @@ use super::*;
 use lightcast_core::image::PolarShape;
 use lightcast_core::math::direction;
 
-/// A lamp overhead of some power, beside a still one at the side that turns by `turn_rad` a frame.
+/// A lamp overhead of some power, and another one at the side, at this azimuth.
 fn list(power: f32, azimuth_rad: f64) -> LightList {
     let light = |id, theta: f64, irradiance: f32| Light {
         id,
@@ -88,8 +88,8 @@ fn who_stops_a_measurement_is_heard_at_every_frame() {
         let map = PolarMap::from_fn(PolarShape::hemisphere(12, 4), |row, column| [(row + column) as f32; 3]);
         vec![map; 12]
     };
-    // What the stamps of 0 Hz say is not filtered: the truth of 12 maps, and then for each as many questions
-    // again when lights are made and in each of the four kinds of figures.
+    // With stamps of 0 Hz nothing is filtered: `goes_on` is called 12 times for the truth, and again as many
+    // times when lights are made and for each of the four kinds of figures.
     let sequence = Sequence::from_maps(maps(), &|| true).unwrap().unwrap();
     for limit in 0..60 {
         let asked = std::cell::Cell::new(0);

@@ -98,7 +98,7 @@ fn a_lossy_link_never_waits_and_tells_what_found_no_room() {
     let (mut sender, mut receiver) = lossy(2, dropped.clone(), &Shutdown::new(), Numbered::default);
     let item = |number| Numbered { number, ..Numbered::default() };
     (0..4).for_each(|number| sender.send_copy(&item(number)).unwrap());
-    // Sent without a copy, it has as little room.
+    // Sent without a copy, the item does not fit either.
     send(&mut sender, 4).unwrap();
     assert_eq!(dropped.get(), 3);
     let seen = |receiver: &mut Receiver<Numbered>| {

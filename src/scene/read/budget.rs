@@ -2,13 +2,14 @@
 
 use crate::error::{Error, Result};
 
-/// Vertices of a scene at most (800 MB), after those that share a place but not a normal were told apart.
+/// Most vertices of a scene (800 MB), counted after vertices with one position and several normals were
+/// split.
 pub const MAX_VERTICES: usize = 1 << 24;
 
-/// Triangles of a scene's meshes at most, each mesh counted once.
+/// Most triangles of a scene's meshes, each mesh counted once.
 pub const MAX_TRIANGLES: usize = 1 << 24;
 
-/// What a scene's files may still take.
+/// What a scene's files may still use up.
 pub(super) struct Budget {
     vertices: usize,
     triangles: usize,
@@ -21,7 +22,7 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// Takes a mesh from what is left, before anything is allocated for it.
+    /// Subtracts a mesh from what is left, before anything is allocated for it.
     pub(super) fn take(&mut self, vertices: usize, triangles: usize) -> Result<()> {
         match (self.vertices.checked_sub(vertices), self.triangles.checked_sub(triangles)) {
             (Some(left), Some(triangles_left)) => {

@@ -1,5 +1,5 @@
-//! The files of a scene: what they may refer to, how much of them is read, and what becomes of a reader's
-//! panic.
+//! The files of a scene: what they may refer to, how much of them is read, and how a reader's panic is
+//! handled.
 
 use crate::error::{Error, Result};
 use crate::rt;
@@ -7,10 +7,10 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
-/// Bytes that a scene's files have together at most.
+/// Most bytes of all files of a scene together.
 pub const MAX_BYTES: u64 = 1 << 30;
 
-/// The folder of a scene, from which files are read by the names that stand in other files.
+/// The folder of a scene, from which files are read by the names that other files give.
 pub(super) struct Files {
     folder: PathBuf,
     bytes_left: u64,
@@ -42,14 +42,14 @@ impl Files {
 
     pub(super) fn read_path(&mut self, path: &Path) -> Result<Vec<u8>> {
         let failed = |error: std::io::Error| Error::usage("cannot be read").because(error);
-        // Before it is opened: opening a pipe waits for its writer.
+        // This is checked before the file is opened, because opening a pipe waits for its writer.
         let about = std::fs::metadata(path).map_err(failed)?;
         if !about.is_file() {
             return Err(Error::usage("cannot be read: it is not a file"));
         }
         let mut bytes = Vec::new();
         let file = File::open(path).map_err(failed)?;
-        // A file that grows meanwhile stops at the limit, too.
+        // The limit also applies to a file that grows meanwhile.
         let read = file.take(self.bytes_left + 1).read_to_end(&mut bytes).map_err(failed)?;
         self.bytes_left = self.bytes_left.checked_sub(read as u64).ok_or_else(|| {
             Error::usage(format!("is too large: a scene's files have at most {MAX_BYTES} bytes together"))
@@ -59,7 +59,7 @@ impl Files {
 }
 
 /// Runs a reader; its panic becomes an error. `gltf` 1.4, `tobj` 4.0 and the decoders of `image` 0.25 index
-/// and unwrap what damaged files say. Nothing of theirs outlives the call.
+/// and unwrap values from damaged files. None of their state outlives the call.
 pub(super) fn contained<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
     rt::contained(read)
         .unwrap_or_else(|cause| Err(Error::usage(format!("is damaged: its reader gave up with `{cause}`"))))

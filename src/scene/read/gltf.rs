@@ -1,9 +1,9 @@
 //! glTF 2.0: `.glb`, and `.gltf` with its buffers and pictures in files beside it or in data URIs.
 //!
-//! Read are the default scene (without one, all nodes that are no one's children), triangles, strips and
-//! fans, the metal-rough material, `TEXCOORD_0`, `COLOR_0`, sparse accessors, animation of nodes and the
-//! first perspective camera. Left out, with a note: skins and morph targets (the mesh is shown as it lies in
-//! the file), points and lines, second texture coordinates, blending (drawn where alpha >= 1/2), occlusion
+//! What is read: the default scene (without one, all root nodes), triangles, strips and fans, the
+//! metallic-roughness material, `TEXCOORD_0`, `COLOR_0`, sparse accessors, animation of nodes and the first
+//! perspective camera. What is left out, with a note: skins and morph targets (the mesh is shown as it lies
+//! in the file), points and lines, second texture coordinates, blending (drawn where alpha >= 1/2), occlusion
 //! textures (see [`Material`](crate::scene::Material)), extensions. A file that requires an extension is
 //! refused.
 
@@ -32,13 +32,13 @@ use material::Materials;
 use std::collections::HashMap;
 use uri::read_uri;
 
-/// Objects in the JSON text at most: each costs a few hundred bytes, however short its text.
+/// Most objects in the JSON text: each takes a few hundred bytes of memory, however short its text.
 const MAX_OBJECTS: usize = 1 << 20;
 
-/// Nodes and instances at most.
+/// Most nodes, and most instances.
 const MAX_NODES: usize = 1 << 16;
 
-/// Generations of nodes at most.
+/// Greatest depth of the tree of nodes.
 const MAX_DEPTH: usize = 1 << 10;
 
 pub(super) fn read(bytes: &[u8], mut files: Files) -> Result<Scene> {
@@ -136,8 +136,8 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Puts the tree of nodes and its meshes into the scene; returns the places of the file's nodes in the
-    /// scene.
+    /// Puts the tree of nodes and its meshes into the scene; returns for every node of the file its index in
+    /// the scene.
     fn nodes(&mut self, gltf: &Gltf) -> Result<Vec<Option<usize>>> {
         let mut places = vec![None; gltf.nodes().len()];
         let mut all_roles: Vec<Roles> = Vec::new();
@@ -190,7 +190,8 @@ impl Reader<'_> {
                     self.scene.instances.push(Instance { mesh, node: place, roles });
                 }
             }
-            // A list of children longer than the nodes has one twice, which is found when it comes.
+            // A list of children with more entries than there are nodes contains one twice, which is detected
+            // when that child is visited again.
             let children: Vec<_> = node.children().take(MAX_NODES).collect();
             stack.extend(children.into_iter().rev().map(|child| (child, Some(place), depth + 1)));
         }
@@ -220,7 +221,7 @@ impl Reader<'_> {
         Ok(places)
     }
 
-    /// A primitive's triangles; none where it has no triangle with an area.
+    /// A primitive's triangles; `None` where no triangle has an area.
     fn primitive(&mut self, primitive: &gltf::Primitive, place: &str) -> Result<Option<Mesh>> {
         let at_place = |error: Error| error.at(place);
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
@@ -236,7 +237,8 @@ impl Reader<'_> {
             .map_err(at_place)?;
         let corners = primitive.indices().map_or(positions.count(), |indices| indices.count());
         let has_normals = primitive.get(&Semantic::Normals).is_some();
-        // A strip or a fan has nearly as many triangles as corners; flat ones have three vertices for each.
+        // A strip or a fan has nearly as many triangles as corners; with flat shading each triangle has three
+        // vertices of its own.
         let triangles = if primitive.mode() == Mode::Triangles { corners / 3 } else { corners };
         let most =
             if has_normals { positions.count() } else { positions.count().max(triangles.saturating_mul(3)) };
@@ -295,7 +297,7 @@ impl Reader<'_> {
             } else {
                 floats::<4>(&accessor, self.buffers)?
             };
-            // What reflects more than it gets would be no surface.
+            // A surface cannot reflect more light than it receives.
             vertices
                 .iter_mut()
                 .zip(colours)
@@ -341,9 +343,9 @@ fn transform(node: &gltf::Node) -> Result<Transform> {
     }
 }
 
-/// The roles that a node's extras give to it and all below it: `{"lightcast": {"roles": ["seen", "casts",
-/// "receives"]}}` with those that it plays; `None` where they say nothing. Extras of others are no concern of
-/// ours.
+/// The roles that a node's extras give to it and all nodes below it: `{"lightcast": {"roles": ["seen",
+/// "casts", "receives"]}}` with the roles that it plays; `None` where the extras do not name any. Extras of
+/// other programs are ignored.
 fn own_roles(node: &gltf::Node) -> Result<Option<Roles>> {
     let Some(extras) = node.extras() else { return Ok(None) };
     let Ok(extras) = serde_json::from_str::<serde_json::Value>(extras.get()) else { return Ok(None) };
@@ -371,7 +373,7 @@ fn camera(gltf: &Gltf, places: &[Option<usize>], scene: &Scene) -> Option<Camera
     let mut world_from_mesh = Vec::new();
     scene.pose(0.0, &mut world_from_mesh);
     let centre = scene.bounds(&world_from_mesh).centre();
-    // The same tree with nothing but the camera in it.
+    // The same tree with the camera as its only instance.
     let at_node = Scene {
         nodes: scene.nodes.clone(),
         channels: scene.channels.clone(),
@@ -384,7 +386,7 @@ fn camera(gltf: &Gltf, places: &[Option<usize>], scene: &Scene) -> Option<Camera
     let forward = (-matrix.z_axis.truncate()).try_normalize()?;
     let up = matrix.y_axis.truncate().try_normalize()?;
     let is_sound = fov > 0.0 && fov < std::f32::consts::PI && near > 0.0 && near.is_finite();
-    // What it looks at: the point of its axis that is nearest to the middle of the scene.
+    // The target: the point of the optical axis that is nearest to the centre of the scene.
     let ahead = forward.dot(centre - eye);
     let distance = if ahead > near && ahead.is_finite() { ahead } else { near.max(1.0) };
     is_sound.then(|| Camera { eye, target: eye + forward * distance, up, vertical_fov_rad: fov, near })

@@ -44,8 +44,7 @@ fn an_obj_without_anything_else_is_grey_and_smooth() {
 
 #[test]
 fn normals_are_smooth_across_materials_and_texture_seams() {
-    // A roof of two squares that share the ridge x = 0, of two materials, with texture coordinates of their
-    // own.
+    // A roof of two squares that share the ridge x = 0, of two materials, with separate texture coordinates.
     let text = "mtllib m.mtl\nv -1 -1 0\nv 0 0 0\nv 0 0 1\nv -1 -1 1\nv 1 -1 0\nv 1 -1 1\nvt 0 0\nvt 1 0.25\n\
                 usemtl red\nf 1/1 4/1 3/1 2/1\nusemtl shiny\nf 2/2 3/2 6/2 5/2\n";
     let library = b"newmtl red\nKd 0.5 0.25 0.125\nKs 1 1 1\nNs 50\nillum 1\n\
@@ -196,7 +195,7 @@ fn damaged_ply_files_say_what_is_wrong() {
         let message = ply(&header, &body).unwrap_err();
         assert!(message.contains(says), "`{says}` expected, but: {message}");
     }
-    // A list that claims 4 G corners costs nothing.
+    // A list that claims 4 G corners must not cause an allocation.
     let header = HEADER.replace("list uchar int", "list uint int");
     assert!(ply(&header, &[points, vec![0xff; 20]].concat()).unwrap_err().contains("is it complete?"));
 }

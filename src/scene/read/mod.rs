@@ -1,4 +1,4 @@
-//! Readers of scenes: which kind of file one is, and whether there is anything to see in it.
+//! Readers of scenes: what kind of file it is, and whether the scene contains anything visible.
 
 mod budget;
 mod files;
@@ -20,7 +20,7 @@ use glam::Mat4;
 use lightcast_core::math;
 use std::path::Path;
 
-/// Largest coordinate, in the world at time 0: its square, and that of its square, still are f32.
+/// Largest coordinate in the world at time 0: its square and its fourth power are still finite as f32.
 pub const MAX_COORDINATE: f32 = 1e9;
 
 impl Scene {
@@ -29,19 +29,19 @@ impl Scene {
     /// | file | what is read |
     /// |---|---|
     /// | glTF 2.0, `.glb` or `.gltf` | the default scene: meshes, metal-rough materials, textures, animation of nodes, the first camera |
-    /// | Wavefront `.obj` | polygons, normals, texture coordinates, vertex colours; of `.mtl` `Kd`, `Ks`, `Ns`, `Ke`, `d`, `map_Kd` |
+    /// | Wavefront `.obj` | polygons, normals, texture coordinates, vertex colours; from `.mtl`: `Kd`, `Ks`, `Ns`, `Ke`, `d`, `map_Kd` |
     /// | `.ply`, ascii or binary | polygons, normals, texture coordinates, vertex colours |
     ///
-    /// glTF and PLY files are known by their first bytes, OBJ files, which have none of their own, by their
-    /// name. Units and axes are taken as they are. What files refer to lies in their folder or below it. What
-    /// is left out stands in [`Scene::notes`].
+    /// glTF and PLY files are recognised by their first bytes, OBJ files, which have no signature, by their
+    /// name. Units and axes are taken as they are. Files that a scene refers to must lie in its folder or
+    /// below it. What is left out is listed in [`Scene::notes`].
     ///
     /// # Errors
     ///
     /// Of kind [`Usage`](crate::error::Kind::Usage), naming the file: missing, empty, truncated, damaged, of
-    /// no known kind, larger than the limits of this module, without a triangle; references to files that are
-    /// missing or lie elsewhere; indices of what is not there; numbers that are not finite; trees with
-    /// cycles. No content of a file panics.
+    /// unknown kind, larger than the limits of this module, without a triangle; references to files that are
+    /// missing or lie elsewhere; indices out of range; numbers that are not finite; trees with cycles. No
+    /// content of a file causes a panic.
     pub fn load(path: &Path) -> Result<Self> {
         contained(|| load_by_kind(path)).map_err(|error| error.at(path))
     }
@@ -70,7 +70,7 @@ fn load_by_kind(path: &Path) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Refuses scenes in which nothing can be seen.
+/// Refuses scenes in which nothing is visible.
 fn check_whole(scene: &Scene) -> Result<()> {
     if scene.instances.is_empty() {
         let notes =
@@ -90,7 +90,7 @@ fn check_whole(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// Linear value of an sRGB value of a file; what lies outside [0, 1] is cut off.
+/// Linear value of an sRGB value of a file; values outside [0, 1] are clamped.
 fn linear_from_srgb(value: f32) -> f32 {
     math::linear_from_srgb(value.clamp(0.0, 1.0))
 }

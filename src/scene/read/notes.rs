@@ -1,10 +1,10 @@
-//! Notes on what readers left out or made up.
+//! Notes on what readers left out or filled in.
 
 /// The note on surfaces that ask for blending.
 pub(super) const TRANSPARENCY: &str =
     "surfaces that are partly transparent are drawn opaque where alpha >= 0.5";
 
-/// Adds a note that is not there yet.
+/// Adds a note unless it is in the list already.
 pub(super) fn add_note(notes: &mut Vec<String>, note: impl Into<String>) {
     let note = note.into();
     if !notes.contains(&note) {
@@ -12,7 +12,7 @@ pub(super) fn add_note(notes: &mut Vec<String>, note: impl Into<String>) {
     }
 }
 
-/// Says what was done about triangles without area and about normals that are no directions.
+/// Notes how many triangles without area were dropped and how many missing or invalid normals were computed.
 pub(super) fn normal_notes(notes: &mut Vec<String>, dropped: usize, given: usize) {
     if dropped > 0 {
         notes.push(format!("{dropped} triangles without area left out"));

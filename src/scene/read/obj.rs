@@ -1,10 +1,10 @@
 //! Wavefront OBJ files and their material libraries, by `tobj`.
 //!
-//! Polygons become fans of triangles, which is right for convex ones. Points, lines, curves and smoothing
-//! groups are left out. All faces of one material become one mesh. Vertex colours (three numbers behind a
-//! position, as MeshLab writes them) are taken as sRGB. Materials: Lambert with `Kd` (linear, as the format
-//! defines it) and `map_Kd` (sRGB), Phong's lobe with `Ks` and `Ns` unless `illum` is 0 or 1, `Ke`, `d`. A
-//! library that is missing or damaged costs the materials, not the scene: a note says so.
+//! Polygons become fans of triangles, which is correct for convex polygons. Points, lines, curves and
+//! smoothing groups are left out. All faces of one material become one mesh. Vertex colours (three numbers
+//! after a position, as MeshLab writes them) are taken as sRGB. Materials: Lambert with `Kd` (linear, as the
+//! format defines it) and `map_Kd` (sRGB), Phong's lobe with `Ks` and `Ns` unless `illum` is 0 or 1, `Ke`,
+//! `d`. If a library is missing or damaged, the scene is read without its materials, and a note says so.
 
 use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
 use super::files::{Files, contained, short};
@@ -21,10 +21,11 @@ use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, Read};
 use std::path::Path;
 
-/// Objects, groups and changes of material at most: `tobj` makes a mesh of each.
+/// Most objects, groups and changes of material: `tobj` makes a mesh of each.
 const MAX_GROUPS: usize = 1 << 20;
 
-/// Bytes of a material library at most: a material of ten bytes becomes one of some hundreds.
+/// Most bytes of a material library: a material of ten bytes in the file takes some hundreds of bytes in
+/// memory.
 const MAX_LIBRARY_BYTES: usize = 1 << 24;
 
 /// Largest exponent of Phong's lobe that is kept; MTL files have up to 1000. Its lobe is less than a degree
@@ -69,7 +70,8 @@ pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
     Ok(Scene::of_meshes(meshes, materials, textures, notes))
 }
 
-/// Refuses files with more than a scene may have before `tobj` makes ten times their bytes of them.
+/// Refuses files with more elements than a scene may have, before `tobj` allocates ten times the file's size
+/// for them.
 fn check_counts(bytes: &[u8]) -> Result<()> {
     let (mut vertices, mut corners, mut groups) = (0, 0, 0);
     for line in bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii_start) {
@@ -112,7 +114,7 @@ fn gather(
     Budget::default().take(total, corners / 3)?;
     let mut vertices = Vec::with_capacity(total);
     let mut indices = Vec::with_capacity(corners);
-    // Which material the triangles up to some index have.
+    // For every model, the material of the triangles that use vertices from its first one on.
     let mut ends = Vec::new();
     let mut default_material: [Option<usize>; 2] = [None; 2];
     let mut has_normals = false;
@@ -120,8 +122,7 @@ fn gather(
         let mesh = &model.mesh;
         let first = vertices.len() as u32;
         let count = mesh.positions.len() / 3;
-        // `tobj` packs what is there: where a corner lacks a number, those behind it are no longer in their
-        // place.
+        // `tobj` packs the numbers that exist: where a corner lacks one, all later ones are out of place.
         let complete = |what: &str, values: &[f32], size: usize, notes: &mut Vec<String>| {
             let is_complete = values.len() == size * count;
             if !is_complete && !values.is_empty() {
@@ -160,7 +161,7 @@ fn gather(
 
     let mut of_material = vec![Vec::new(); materials.len()];
     for triangle in indices.as_chunks::<3>().0 {
-        // A model's vertices are its own, so that a corner tells its material.
+        // Models do not share vertices, so a corner's vertex determines its material.
         let model = ends.partition_point(|(first, _)| *first <= triangle[0]) - 1;
         of_material[ends[model].1].extend_from_slice(triangle);
     }
@@ -168,7 +169,7 @@ fn gather(
     Ok((vertices, faces))
 }
 
-/// A mesh for every material, with just the vertices that it uses.
+/// A mesh for every material, with only the vertices that it uses.
 fn split(vertices: &[Vertex], faces: &[(usize, Vec<u32>)]) -> Vec<Mesh> {
     let mut places = vec![u32::MAX; vertices.len()];
     faces
@@ -193,7 +194,7 @@ fn split(vertices: &[Vertex], faces: &[(usize, Vec<u32>)]) -> Vec<Mesh> {
 
 fn read_library(files: &mut Files, name: &Path) -> Result<(Vec<tobj::Material>, HashMap<String, usize>)> {
     let name = name.to_string_lossy();
-    // Programs on Windows write their separators.
+    // Programs on Windows write backslashes.
     let bytes = files.read(&name.replace('\\', "/"))?;
     if bytes.len() > MAX_LIBRARY_BYTES {
         let fault =
@@ -213,13 +214,13 @@ struct Materials<'a> {
     textures: &'a mut Vec<Texture>,
     notes: &'a mut Vec<String>,
     pixels_left: u64,
-    /// The textures by their names; none for those that cannot be used.
+    /// The textures by their names; `None` for those that cannot be used.
     known: HashMap<String, Option<usize>>,
 }
 
 impl Materials<'_> {
     fn convert(&mut self, from: &tobj::Material) -> Material {
-        // Outside of [0, 1] is what no surface does; NaN is nothing.
+        // Values outside the valid range are clamped, since no surface has them; NaN counts as 0.
         let within = |x: f32, most: f32| if x.is_nan() { 0.0 } else { x.clamp(0.0, most) };
         let colour = |colour: Option<[f32; 3]>, otherwise: f32| {
             colour.unwrap_or([otherwise; 3]).map(|x| within(x, 1.0))
@@ -276,7 +277,7 @@ impl Materials<'_> {
     }
 }
 
-/// Text that counts the lines that were read from it: `tobj`'s errors do not say where.
+/// A text that counts the lines read from it, because `tobj`'s errors do not name the line.
 struct Lines<'a> {
     rest: &'a [u8],
     read: usize,

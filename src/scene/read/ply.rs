@@ -1,10 +1,10 @@
-//! PLY files: polygons of `vertex_indices` or `vertex_index` over vertices with `x y z`, and where they are
-//! there `nx ny nz`, `red green blue` (`alpha`) and `s t`, `u v` or `texture_u texture_v`.
+//! PLY files: polygons of `vertex_indices` or `vertex_index` over vertices with `x y z`, and, where present,
+//! `nx ny nz`, `red green blue` (`alpha`) and `s t`, `u v` or `texture_u texture_v`.
 //!
-//! Polygons become fans of triangles, which is right for convex ones. Colours are taken as sRGB, as 3D
-//! scanners and MeshLab write them; 8 and 16 bits are scaled to [0, 1]. With colours the surface is Lambert
-//! white times the colour, without it is [`GREY`](crate::scene::GREY). Of ascii files `ply-rs-bw` reads plain
-//! decimal numbers only, no `nan`, `.5` or `5.`.
+//! Polygons become fans of triangles, which is correct for convex polygons. Colours are taken as sRGB, as 3D
+//! scanners and MeshLab write them; 8 and 16 bits are scaled to [0, 1]. With colours the surface is
+//! Lambertian with the vertex colour as albedo, without colours it is [`GREY`](crate::scene::GREY). In ascii
+//! files `ply-rs-bw` reads plain decimal numbers only, not `nan`, `.5` or `5.`.
 
 use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
 use super::files::short;
@@ -59,11 +59,11 @@ fn damaged(error: ParseError) -> Error {
 }
 
 /// Refuses counts that the file is too short for: `ply-rs-bw` 4.0 allocates little in advance, but it would
-/// make as many elements without a property as the header says.
+/// create as many elements without properties as the header claims.
 fn check_header(header: &Header, bytes: usize) -> Result<()> {
     for (name, element) in &header.elements {
         let least: usize = match header.encoding {
-            // A digit and what follows it.
+            // A digit and its separator for each property.
             Encoding::Ascii => 2 * element.properties.len().max(1) - 1,
             _ => element.properties.values().map(|property| least_bytes(&property.data_type)).sum(),
         };
@@ -129,7 +129,7 @@ fn triangulate(faces: &[Face], indices: &mut Vec<u32>) -> Result<()> {
     Ok(())
 }
 
-/// An element of which nothing is kept.
+/// An element whose data are discarded.
 struct Skipped;
 
 impl PropertyAccess for Skipped {
@@ -186,7 +186,7 @@ impl PropertyAccess for Face {
         if name != "vertex_indices" && name != "vertex_index" {
             return PropertyAccessResult::Ignored;
         }
-        // Negative indices are kept out of u32, not wrapped into it.
+        // Negative indices are rejected, not wrapped into u32.
         let signed =
             |values: Vec<i32>| values.into_iter().map(u32::try_from).collect::<Result<Vec<u32>, _>>().ok();
         let corners = match property {

@@ -3,16 +3,16 @@ use crate::source::BadBuffer;
 use lightcast_core::camera::ResponseModel;
 use lightcast_core::image::Pixels;
 
-/// A sensor whose exposure follows what it is told after `latency` frames; scene radiances by pixel, 8-bit
-/// linear codes.
+/// A sensor whose exposure follows its setting after `latency` frames; scene radiances by pixel, 8-bit linear
+/// codes.
 struct Scripted {
     scene: Vec<f64>,
     unit_s: f64,
     latency: u32,
-    /// From which frame on which value holds.
+    /// The first frame of every setting and its value.
     settings: Vec<(u32, i64)>,
     frames: VecDeque<Event>,
-    /// The frame that is exposed.
+    /// The frame that is being exposed.
     now: u32,
 }
 
@@ -20,7 +20,7 @@ struct Scripted {
 enum Event {
     Frame(u32),
     Bad(u32),
-    /// A frame that is taken out of the queue so many frames late.
+    /// A frame that is taken out of the queue a number of frames late.
     Late(u32, u32),
 }
 
@@ -30,7 +30,7 @@ impl Scripted {
     }
 }
 
-/// Frames come every 10 ns, and the bus takes 3.
+/// Frames come every 10 ns, and the bus takes 3 ns.
 fn mark(sequence: u32, late: u32) -> Mark {
     Mark { sequence, time_ns: i64::from(sequence) * 10, age_ns: i64::from(late) * 10 + 3 }
 }
@@ -83,8 +83,8 @@ fn response() -> Response {
     Response::new(ResponseModel::Linear { black_level: 0, white_level: 255, gain: 0.01 }).unwrap()
 }
 
-/// Marks of the rounds (round, time), faulty frames, and rounds that were told to be incomplete; every merged
-/// frame must be the scene.
+/// Marks of the rounds (round, time), faulty frames, and rounds that were reported incomplete; every merged
+/// frame must equal the scene.
 fn play(frames: &[Event], latency: u32) -> (Vec<(u32, i64)>, usize, Vec<u32>) {
     let camera = Scripted {
         scene: SCENE.to_vec(),
@@ -108,13 +108,14 @@ fn play(frames: &[Event], latency: u32) -> (Vec<(u32, i64)>, usize, Vec<u32>) {
             Captured::Frame(mark) => {
                 rounds.push((mark.sequence, mark.time_ns));
                 let Pixels::Radiance(values) = &frame.pixels else { panic!("codes") };
-                // Half a code of 100, of 30 and of 90: the best exposure of each decides.
+                // Tolerances are half a code of 100, of 30 and of 90, the codes in the best exposure of each
+                // pixel.
                 for (value, (scene, tolerance)) in
                     values.iter().zip(SCENE.into_iter().zip([0.06, 0.02, 0.01]))
                 {
                     assert!((f64::from(*value) / scene - 1.0).abs() < tolerance, "{value} {scene}");
                 }
-                // Brighter than the shortest exposure can tell: 255 codes at 1 ms.
+                // Brighter than the shortest exposure can measure: 255 codes at 1 ms.
                 assert!((values[3] - 2550.0).abs() < 0.1, "{}", values[3]);
                 assert_eq!(values[3], frame.saturation);
             }
@@ -135,7 +136,7 @@ fn run(range: std::ops::Range<u32>) -> Vec<Event> {
 fn every_round_becomes_the_scene_whatever_the_latency() {
     for latency in 1..=5 {
         let (rounds, bad, incomplete) = play(&run(0..15), latency);
-        // The first round whose exposures were all set.
+        // The first round whose exposures had all been set.
         let first = latency.div_ceil(3);
         let expected: Vec<(u32, i64)> = (first..5).map(|round| (round, i64::from(30 * round + 10))).collect();
         assert_eq!((rounds, bad, incomplete), (expected, 0, (0..first).collect()), "latency {latency}");
@@ -146,7 +147,8 @@ fn every_round_becomes_the_scene_whatever_the_latency() {
 fn a_missing_frame_costs_its_round_and_those_whose_exposures_it_should_have_set() {
     let frames = [run(0..7), run(8..21)].concat();
     let (rounds, _, incomplete) = play(&frames, 2);
-    // Frame 7 is missing in round 2, and frame 9 was to be set at its arrival: round 3 begins wrongly.
+    // Frame 7 is missing in round 2, and frame 9 would have been set at its arrival: round 3 begins with the
+    // wrong exposure.
     assert_eq!((numbers(&rounds), incomplete), (vec![1, 4, 5, 6], vec![0, 2, 3]));
 }
 
@@ -166,7 +168,7 @@ fn frames_that_waited_in_the_queue_do_not_have_exposures_that_were_set_too_late_
     let late = [Event::Late(7, 3), Event::Late(8, 2), Event::Late(9, 1)];
     let frames = [run(0..7), late.to_vec(), run(10..24)].concat();
     for latency in 1..=4 {
-        // That the merged frames are the scene is checked in `play`; here, that rounds come again soon.
+        // `play` checks that the merged frames equal the scene; this checks that complete rounds resume soon.
         let (rounds, _, _) = play(&frames, latency);
         assert_eq!(numbers(&rounds).last(), Some(&7), "latency {latency}");
         assert!(rounds.len() >= 4, "latency {latency}: {rounds:?}");

@@ -4,7 +4,7 @@ use crate::files::{write_exr, write_png8, write_png16};
 use std::fs;
 use tempfile::TempDir;
 
-/// A picture whose samples are its number.
+/// A picture whose samples all equal its number.
 fn picture(number: u64, width: usize, channels: usize) -> Frame {
     let values = vec![number as f32; width * 2 * channels];
     Frame { width, height: 2, channels, pixels: Pixels::Radiance(values), ..Frame::default() }
@@ -23,7 +23,7 @@ fn options(folder: &TempDir) -> SequenceOptions {
     SequenceOptions { path: folder.path().join("a.####.exr"), ..SequenceOptions::default() }
 }
 
-/// What came out: (file number in the pixels, sequence, time in ms, lost before) or the message of an error.
+/// The results: (file number in the pixels, sequence, time in ms, lost before) or the message of an error.
 fn play(options: &SequenceOptions, calls: usize) -> Vec<std::result::Result<(u64, u64, i64, u64), String>> {
     let mut sequence = Sequence::open(options).unwrap();
     let mut frame = Frame::default();

@@ -4,13 +4,13 @@ use crate::error::{Error, Place, Result};
 use serde::Deserialize;
 use std::f64::consts::TAU;
 
-/// Brightness that swings: `1 + depth sin(2 pi (frequency t + phase))`.
+/// Sinusoidal brightness: `1 + depth sin(2 pi (frequency t + phase))`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flicker {
     /// Cycles per second.
     pub frequency_hz: f64,
-    /// Swing as a fraction of the mean, 0 to 1.
+    /// Amplitude as a fraction of the mean, 0 to 1.
     pub depth: f64,
     /// Phase at time 0 in turns.
     #[serde(default)]
@@ -20,12 +20,13 @@ pub struct Flicker {
 impl Flicker {
     /// Factor on the brightness, within `1 - depth` to `1 + depth`.
     pub fn factor(&self, time_s: f64) -> f64 {
-        // The fraction of a turn first: a sine of thousands of turns would lose digits.
+        // The fraction of a turn is taken first: the sine of thousands of turns would lose digits.
         1.0 + self.depth * (TAU * (self.frequency_hz * time_s + self.phase_turns).fract()).sin()
     }
 
     pub(super) fn check(&self) -> Result<()> {
-        // Beyond 1e9 a double has no fraction of a turn left after a few seconds; infinity would give NaN.
+        // Beyond 1e9 a double cannot resolve fractions of a turn after a few seconds; infinity would give
+        // NaN.
         let moderate = self.frequency_hz.abs() <= 1e9 && self.phase_turns.abs() <= 1e9;
         if moderate && (0.0..=1.0).contains(&self.depth) {
             return Ok(());
@@ -37,12 +38,12 @@ impl Flicker {
     }
 }
 
-/// Whether something with these on-times `[start, end)` is on; no times at all mean always.
+/// Whether something with these on-times `[start, end)` is on; an empty list means always.
 pub fn is_on(on_s: &[[f64; 2]], time_s: f64) -> bool {
     on_s.is_empty() || on_s.iter().any(|[start, end]| (*start..*end).contains(&time_s))
 }
 
-/// A place in the sky at a time.
+/// A position in the sky at a time.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Waypoint {
@@ -56,8 +57,8 @@ pub struct Waypoint {
     pub elevation_deg: f64,
 }
 
-/// Azimuth and elevation in degrees on the path: both angles linear between waypoints (so a path may go round
-/// more than once), held before the first and after the last.
+/// Azimuth and elevation in degrees on the path: both angles linear between waypoints (so a path may make
+/// more than one turn), held before the first and after the last.
 pub fn along(path: &[Waypoint], time_s: f64) -> (f64, f64) {
     let times = path.iter().map(|waypoint| waypoint.time_s);
     let (before, after, x) = segment(times, time_s);
@@ -74,11 +75,11 @@ pub fn along(path: &[Waypoint], time_s: f64) -> (f64, f64) {
 pub struct Exposure {
     /// Seconds since frame 0.
     pub time_s: f64,
-    /// Powers of two on the radiance that the sensor sees.
+    /// Exponent of two of the factor on the radiance that the sensor sees.
     pub stops: f64,
 }
 
-/// Gain at a time: stops linear between the entries, held outside; 1 without entries.
+/// Gain at a time: stops are linear between the entries and constant outside them; 1 without entries.
 pub fn gain(exposures: &[Exposure], time_s: f64) -> f64 {
     if exposures.is_empty() {
         return 1.0;
@@ -88,8 +89,8 @@ pub fn gain(exposures: &[Exposure], time_s: f64) -> f64 {
     (a + (b - a) * x).exp2()
 }
 
-/// Indices of the entries about `time_s` and the fraction of the way between them. At least one entry, times
-/// ascending.
+/// Indices of the entries on either side of `time_s` and the fraction of the way between them. There is at
+/// least one entry, and times ascend.
 fn segment(times: impl ExactSizeIterator<Item = f64> + Clone, time_s: f64) -> (usize, usize, f64) {
     let last = times.len() - 1;
     let Some(after) = times.clone().position(|time| time > time_s) else {

@@ -1,17 +1,16 @@
-//! Lat-long grids averaged to others by exact areas: overlaps in azimuth times overlaps in the cosine of
-//! theta.
+//! Resampling of lat-long grids by exact areas: overlaps in azimuth times overlaps in the cosine of theta.
 
 use std::f64::consts::PI;
 
-/// The source cells under one target cell: consecutive ones from `first` on, wrapping, with their shares of
-/// it.
+/// The source cells under one target cell: consecutive ones from `first` on, wrapping, with their fractions
+/// of its area.
 struct Overlap {
     first: usize,
     shares: Vec<f64>,
 }
 
 /// Overlaps of `to` columns with `from` columns of a full turn, the target shifted by `shift` source columns.
-/// Counted in source columns, so that grids that fit give shares of exactly 1.
+/// Computed in source columns, so that grids whose columns coincide give fractions of exactly 1.
 fn column_overlaps(from: usize, to: usize, shift: f64) -> Vec<Overlap> {
     let step = from as f64 / to as f64;
     let cells = (0..to).map(|column| {
@@ -30,12 +29,12 @@ fn column_overlaps(from: usize, to: usize, shift: f64) -> Vec<Overlap> {
     cells.collect()
 }
 
-/// Overlaps of `to` rows with `from` rows, both over the whole sphere, by solid angle.
+/// Overlaps of `to` rows with `from` rows, both covering the whole sphere, by solid angle.
 fn row_overlaps(from: usize, to: usize) -> Vec<Overlap> {
     let edge = |row: usize, rows: usize| (PI * (row as f64 / rows as f64)).cos();
     let cells = (0..to).map(|row| {
         let (top, bottom) = (edge(row, to), edge(row + 1, to));
-        // Integer arithmetic finds the source rows that overlap at all.
+        // Integer arithmetic determines which source rows overlap.
         let (first, last) = (row * from / to, ((row + 1) * from).div_ceil(to));
         let share = |i: usize| (edge(i, from).min(top) - edge(i + 1, from).max(bottom)) / (top - bottom);
         Overlap { first, shares: (first..last).map(share).collect() }
@@ -54,7 +53,8 @@ pub struct AreaMean {
 }
 
 impl AreaMean {
-    /// From a grid of `[columns, rows]` to another, the target shifted by `shift` source columns. None is 0.
+    /// From a grid of `[columns, rows]` to another, the target shifted by `shift` source columns; 0 means no
+    /// shift.
     pub fn new(from: [usize; 2], to: [usize; 2], shift: f64) -> Self {
         Self {
             from: from[0],

@@ -7,29 +7,29 @@ use lightcast_core::math::direction;
 /// Outline of an emitter in its own plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// The ellipse with the two half axes.
+    /// The ellipse with the two half axes `half_u` and `half_v`.
     Disc,
-    /// The rectangle with the two half axes.
+    /// The rectangle with these two half axes.
     Rectangle,
 }
 
 /// Half the width of the soft edge, as a fraction of the half axis. The edge makes the pixel integral smooth
-/// in the emitter's position, so that a few dozen cells across give its power to four digits; a hard edge
+/// in the emitter's position, so that a few dozen cells across yield its power to four digits; a hard edge
 /// would need thousands. The value is the largest that still looks like an edge.
 const EDGE: f64 = 0.15;
 
 /// Cells across a half axis that the pixel integral needs: the soft edge is then five cells wide.
 const CELLS_PER_HALF_AXIS: f64 = 16.0;
 
-/// A flat patch of constant radiance, seen from the origin. It may stand anywhere; the sun is a disc at
-/// distance 1.
+/// A flat patch of constant radiance, seen from the origin. It may have any position and orientation; the sun
+/// is a disc at distance 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Emitter {
     /// Middle of the patch, relative to the camera.
     pub centre: DVec3,
-    /// From the middle to the middle of one side.
+    /// Vector from the centre to the middle of one side.
     pub half_u: DVec3,
-    /// The other half axis, at a right angle to the first.
+    /// The other half axis, perpendicular to the first.
     pub half_v: DVec3,
     /// Its outline.
     pub shape: Shape,
@@ -43,18 +43,19 @@ impl Emitter {
     pub fn far_disc(azimuth_deg: f64, elevation_deg: f64, radius_deg: f64, radiance: [f64; 3]) -> Self {
         let (theta_rad, phi_rad) = ((90.0 - elevation_deg).to_radians(), azimuth_deg.to_radians());
         let centre = direction(theta_rad, phi_rad);
-        // The derivatives of `direction` by phi and theta: unit vectors also at the pole.
+        // The half axes are along the derivatives of `direction` by phi and theta, as unit vectors also at
+        // the pole.
         let half_u = DVec3::new(-phi_rad.sin(), 0.0, phi_rad.cos());
         let half_v = half_u.cross(centre);
         let scale = radius_deg.to_radians().tan();
         Self { centre, half_u: half_u * scale, half_v: half_v * scale, shape: Shape::Disc, radiance }
     }
 
-    /// How much of the emitter stands in a direction (unit vector): 1 inside, 0 outside, smooth between.
+    /// Coverage of a direction (unit vector) by the emitter: 1 inside, 0 outside, smooth in between.
     pub fn profile(&self, direction: DVec3) -> f64 {
         let normal = self.half_u.cross(self.half_v);
         let (height, slope) = (self.centre.dot(normal), direction.dot(normal));
-        // In front of the camera only, and not edge-on.
+        // Only emitters in front of the camera count, and not edge-on.
         if height * slope <= 0.0 {
             return 0.0;
         }
@@ -67,8 +68,8 @@ impl Emitter {
         }
     }
 
-    /// Area in the plane, soft edge included. The edge is symmetric, which leaves a rectangle's area alone; a
-    /// disc gains the variance of the edge, `EDGE^2 / 5` for the cubic step.
+    /// Area in the plane, soft edge included. The edge is symmetric, which leaves a rectangle's area
+    /// unchanged; a disc gains the variance of the edge, `EDGE^2 / 5` for the cubic step.
     pub fn area(&self) -> f64 {
         let square = self.half_u.length() * self.half_v.length();
         match self.shape {
@@ -77,14 +78,14 @@ impl Emitter {
         }
     }
 
-    /// Where the pixel integral must look closely.
+    /// Where the pixel integral must be fine.
     pub fn detail(&self) -> Detail {
         let reach = match self.shape {
             Shape::Disc => self.half_u.length().max(self.half_v.length()),
             Shape::Rectangle => self.half_u.length().hypot(self.half_v.length()),
         } * (1.0 + EDGE);
         let distance = self.centre.length();
-        // Seen at a slant the short side shrinks by the cosine.
+        // Seen obliquely, the short side shrinks by the cosine.
         let normal = self.half_u.cross(self.half_v).normalize_or_zero();
         let slant = (self.centre.dot(normal).abs() / distance).max(0.05);
         let short = self.half_u.length().min(self.half_v.length());
@@ -100,14 +101,14 @@ impl Emitter {
     }
 }
 
-/// A part of a scene with detail finer than a pixel may be.
+/// A part of a scene with detail that may be finer than a pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Detail {
-    /// Middle of a cone that holds it.
+    /// Axis of a cone that contains it.
     pub direction: DVec3,
     /// Half-angle of the cone.
     pub radius_rad: f64,
-    /// Size of the cells that integrate it to 1e-4 of its power.
+    /// Size of the cells that integrate its power to 1e-4.
     pub cell_rad: f64,
 }
 

@@ -1,28 +1,29 @@
 //! Mean radiance over a pixel's solid angle.
 //!
-//! A pixel is cut into `n x n` cells. Each is a spherical quadrilateral between four directions and counts
-//! with its solid angle: constant scenes stay constant whatever the lens, and radiance times the pixel's
-//! solid angle sums to the scene's power. Where a [`Detail`] stands the cells become as fine as it asks, so
-//! that a sun much smaller than a pixel keeps its power wherever it stands.
+//! A pixel is cut into `n x n` cells. Each is a spherical quadrilateral between four directions and is
+//! weighted by its solid angle: constant scenes stay constant with any lens, and radiance times the pixel's
+//! solid angle sums to the scene's power. Within a [`Detail`] the cells become as fine as it requires, so
+//! that a sun much smaller than a pixel keeps its power at any position.
 
 use super::emitter::Detail;
 use glam::{DMat3, DVec2, DVec3};
 use lightcast_core::camera::Projection;
 
-/// The finest cut. Past it a lamp seen edge-on would cost more than all the rest of a picture.
+/// Most cells across a pixel. With more, a lamp seen edge-on would cost more than the rest of a picture.
 const CELLS_MAX: usize = 256;
 
-/// Where pixels look.
+/// The directions of pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameView {
-    /// Direction of a position in the camera frame.
+    /// Maps a position in the picture to a direction in the camera frame.
     pub projection: Projection,
     /// Camera frame to world.
     pub world_from_camera: DMat3,
 }
 
 impl FrameView {
-    /// Unit direction in the world of a position (half-pixel centres); `None` outside the field of view.
+    /// Unit direction, in the world, of a position in the picture (half-pixel centres); `None` outside the
+    /// field of view.
     fn direction(&self, x: f64, y: f64) -> Option<DVec3> {
         self.projection.unproject(DVec2::new(x, y)).map(|direction| self.world_from_camera * direction)
     }
@@ -79,14 +80,14 @@ impl PixelIntegral {
     }
 }
 
-/// Cells across a pixel: `least`, or what the finest detail that it may see asks for.
+/// Cells across a pixel: `least`, or as many as the finest detail that may lie in it requires.
 fn cells_needed(view: &FrameView, [column, row]: [usize; 2], least: usize, details: &[Detail]) -> usize {
     let (x, y) = (column as f64, row as f64);
     let corners = [(x, y), (x + 1.0, y), (x + 1.0, y + 1.0), (x, y + 1.0)].map(|(x, y)| view.direction(x, y));
     let mut inside = corners.into_iter().flatten();
     let Some(first) = inside.next() else { return least };
-    // From one corner across the pixel: an upper bound of the distance to any point of it, up to the
-    // curvature. A pixel cut by the rim may reach further than the corners that it has left.
+    // The distance from one corner across the pixel: an upper bound of the distance to any point of it, up to
+    // the curvature. A pixel cut by the rim may extend further than its remaining corners.
     let whole = corners.iter().all(Option::is_some);
     let Some(reach) = (if whole {
         inside.map(|corner| (corner - first).length()).reduce(f64::max)
@@ -97,10 +98,10 @@ fn cells_needed(view: &FrameView, [column, row]: [usize; 2], least: usize, detai
     };
     let mut cells = least;
     for detail in details {
-        // A chord is shorter than its arc: this never misses one.
+        // A chord is shorter than its arc, so this never misses a detail.
         if (first - detail.direction).length() < detail.radius_rad + 1.1 * reach {
             let side = reach / std::f64::consts::SQRT_2;
-            // A float beyond the range of integers becomes the greatest of them.
+            // A float beyond the range of integers saturates at the largest one.
             cells = cells.max((side / detail.cell_rad).ceil() as usize);
         }
     }
@@ -160,7 +161,7 @@ mod tests {
         sum
     }
 
-    /// Power in a picture of one emitter over the dark, over the closed form.
+    /// Ratio of the power in a picture of one emitter on black to the closed form.
     fn power_ratio(view: &FrameView, sun: &Emitter) -> f64 {
         let details = [sun.detail()];
         let (width, height) = (view.projection.width(), view.projection.height());
@@ -174,7 +175,8 @@ mod tests {
                 }
             }
         }
-        // A disc at distance 1 and its solid angle differ by 3/2 of the squared radius: 3e-5 for the sun.
+        // The area of a disc at distance 1 and its solid angle differ by 3/2 of the squared radius: 3e-5 for
+        // the sun.
         power / (1e6 * sun.area())
     }
 
@@ -183,7 +185,7 @@ mod tests {
         let (view, _) = fisheye(64, [0.02, -0.004, 0.0008, 0.0]);
         let mut worst: f64 = 0.0;
         for i in 0..40 {
-            // A pixel is about 3 degrees wide: steps of an odd fraction of it, from the zenith to the
+            // A pixel is about 3 degrees wide: the steps are an odd fraction of that, from the zenith to the
             // horizon.
             let (azimuth, elevation) = (17.3 * f64::from(i), 90.0 - 2.19 * f64::from(i));
             let sun = Emitter::far_disc(azimuth, elevation, 0.2666, [1.0; 3]);
@@ -222,7 +224,7 @@ mod tests {
             }
         }
         let power = power_ratio(&view, &lamp) * lamp.area();
-        // The soft edge changes the solid angle in second order only.
+        // The soft edge changes the solid angle only in second order.
         assert!((power / expected - 1.0).abs() < 1e-3, "{power} {expected}");
     }
 

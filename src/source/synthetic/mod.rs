@@ -1,10 +1,10 @@
-//! Sequences made by calculation, for the demo, tests and benches.
+//! Computed (synthetic) sequences, for the demo, tests and benches.
 //!
-//! A [`Script`] says what there is to see (a sky, a room or a recorded panorama), what moves in it, and
-//! through what it is taken. A scene is a function `radiance(direction, time)`; a pixel is its mean over the
-//! pixel's solid angle (so that radiance times solid angle sums to the scene's power, METHODS section 4),
-//! times the exposure's gain, with noise, through the response. Everything follows from the script and the
-//! frame's number: any frame can be made alone, and the same script gives the same bytes.
+//! A [`Script`] describes the surroundings (a sky, a room or a recorded panorama), what moves in them, and
+//! the camera. A scene is a function `radiance(direction, time)`; a pixel is its mean over the pixel's solid
+//! angle (so that radiance times solid angle sums to the scene's power, METHODS section 4), times the
+//! exposure's gain, with noise, mapped by the response. Everything follows from the script and the frame's
+//! number: any frame can be made on its own, and the same script always produces the same bytes.
 
 mod animation;
 mod area;
@@ -38,12 +38,12 @@ pub struct Synthetic {
 }
 
 impl Synthetic {
-    /// From frame 0 on.
+    /// Starts at frame 0.
     pub fn new(script: Script) -> Self {
         Self { script, next: 0, radiance: Vec::new() }
     }
 
-    /// What it follows.
+    /// The script.
     pub fn script(&self) -> &Script {
         &self.script
     }
@@ -97,7 +97,7 @@ impl FrameSource for Synthetic {
 }
 
 impl Script {
-    /// Fills `samples` with a frame's radiance: exposure and photon noise applied, the response not.
+    /// Fills `samples` with a frame's radiance: exposure and photon noise are applied, the response is not.
     fn radiance(&self, index: usize, time_s: f64, samples: &mut Vec<f32>) {
         let projection = &self.view.projection;
         let (width, height, channels) = (projection.width(), projection.height(), self.channels);
@@ -109,7 +109,8 @@ impl Script {
             _ => pixel.iter_mut().zip(rgb).for_each(|(value, v)| *value = v as f32),
         };
         match (&scene, projection) {
-            // Grid to grid: exact, and a panorama that turns by whole columns keeps every bit.
+            // Resampling from grid to grid is exact, and a panorama that turns by whole columns keeps every
+            // bit.
             (SceneAt::Panorama(panorama), Projection::LatLong { .. }) => {
                 panorama.write_lat_long(width, height, |row, column, rgb| {
                     let start = (row * width + column) * channels;
@@ -128,8 +129,8 @@ impl Script {
         }
     }
 
-    /// Pixel means, the rows dealt to as many threads as there are processors: each row depends on nothing
-    /// but the script, so their number does not show.
+    /// Pixel means. The rows are distributed to as many threads as there are processors; each row depends
+    /// only on the script, so the number of threads does not affect the result.
     fn integrate(&self, scene: &SceneAt<'_>, samples: &mut [f32], put: impl Fn(&mut [f32], [f64; 3]) + Sync) {
         let width = self.view.projection.width();
         let details = scene.details();

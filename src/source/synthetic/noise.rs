@@ -1,4 +1,4 @@
-//! Repeatable randomness: every value is a hash of what it belongs to, so any frame can be made alone.
+//! Repeatable randomness: every value is a hash of its indices, so any frame can be made on its own.
 
 use std::f64::consts::TAU;
 
@@ -24,8 +24,8 @@ pub fn normal_pair(key: u64) -> [f64; 2] {
     [radius * cos, radius * sin]
 }
 
-/// Value noise in the plane: hashed values in [0, 1) on the integer lattice, quintic between them (Perlin
-/// 2002's fade, whose first two derivatives vanish on the lattice).
+/// Value noise in the plane: hashed values in [0, 1) on the integer lattice, interpolated by a quintic (the
+/// fade of Perlin 2002, whose first two derivatives vanish on the lattice).
 pub fn value_noise(x: f64, y: f64, seed: u64) -> f64 {
     let (x0, y0) = (x.floor(), y.floor());
     let fade = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
@@ -47,7 +47,7 @@ pub fn fractal_noise(x: f64, y: f64, shift: [f64; 2], seed: u64) -> f64 {
         let (x, y) = ((x + shift[0] * speed) * scale, (y + shift[1] * speed) * scale);
         sum += weight * value_noise(x, y, seed.wrapping_add(u64::from(octave)));
         weight *= 0.5;
-        scale *= 2.03; // not 2: lattices that coincide would show
+        scale *= 2.03; // not 2: coinciding lattices would be visible
     }
     sum / (1.0 - 1.0 / 32.0)
 }
@@ -67,7 +67,7 @@ mod tests {
         let n = 100_000u64;
         let values: Vec<f64> = (0..n).flat_map(normal_pair).collect();
         let moment = |power: i32| values.iter().map(|v| v.powi(power)).sum::<f64>() / values.len() as f64;
-        // Standard errors: 1, sqrt 2, sqrt 96 over the root of 200,000; four of them.
+        // The bounds are four standard errors: 1, sqrt 2 and sqrt 96 over the root of 200,000.
         assert!(moment(1).abs() < 0.009);
         assert!((moment(2) - 1.0).abs() < 0.013);
         assert!((moment(4) - 3.0).abs() < 0.09);

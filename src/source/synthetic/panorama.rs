@@ -15,26 +15,27 @@ use std::f64::consts::{PI, TAU};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PanoramaOptions {
-    /// Lat-long HDR file: relative to the script, or `data:PATH` below the folder that LIGHTCAST_DATA names.
+    /// Lat-long HDR file: a path relative to the script, or `data:PATH` below the folder that LIGHTCAST_DATA
+    /// names.
     pub file: String,
-    /// Columns and rows of the grid that the file is averaged to first, by exact areas; columns and
-    /// percentiles below count on it. The file's own size without it.
+    /// Columns and rows of the grid to which the file is resampled first, by exact areas; columns and
+    /// percentiles below refer to this grid. Without it the file's own size is used.
     pub resolution: Option<[usize; 2]>,
-    /// Stands still without it.
+    /// Without it the panorama does not turn.
     #[serde(default)]
     pub turn: Turn,
-    /// Steady without it.
+    /// Without it the panorama does not flicker.
     pub flicker: Option<PixelFlicker>,
 }
 
-/// Turning about the vertical: the picture moves towards greater phi.
+/// Rotation about the vertical: the picture moves towards greater phi.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Turn {
-    /// Turn at time 0 in degrees.
+    /// Angle at time 0 in degrees.
     pub start_deg: f64,
-    /// Instead of `start_deg`: the column, counted from phi = 0, where the brightest column of the upper half
-    /// (by luminous power) stands at time 0.
+    /// Instead of `start_deg`: the column, counted from phi = 0, at which the brightest column of the upper
+    /// half (by luminous power) is at time 0.
     pub peak_column: Option<f64>,
     /// Speed in degrees per second.
     pub degrees_per_second: f64,
@@ -42,7 +43,7 @@ pub struct Turn {
     pub columns_per_frame: Option<f64>,
 }
 
-/// Flicker of the bright pixels in some columns of the upper half, as they stand before any turn.
+/// Flicker of the bright pixels in some columns of the upper half, as they are before any rotation.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PixelFlicker {
@@ -53,7 +54,7 @@ pub struct PixelFlicker {
     pub above_percentile: f64,
     /// Cycles per second.
     pub frequency_hz: f64,
-    /// Swing as a fraction of the mean, 0 to 1.
+    /// Amplitude as a fraction of the mean, 0 to 1.
     pub depth: f64,
     /// Phase at time 0 in turns.
     #[serde(default)]
@@ -66,11 +67,12 @@ impl PixelFlicker {
     }
 }
 
-/// A pixel with more than this share of the whole power is integrated finely, if it also outshines its
-/// surroundings. What is left out may each be wrong by its own power at most, and in both directions.
+/// A pixel with more than this fraction of the total power is integrated finely, if it also outshines its
+/// surroundings. The error of any other pixel is at most its own power, of either sign.
 const HOT_SHARE: f64 = 2e-5;
 
-/// How far above the mean radiance that is: below, neighbours are alike and coarse cells serve.
+/// Factor above the mean radiance from which a pixel outshines its surroundings: below it, neighbours are
+/// similar and coarse cells suffice.
 const HOT_CONTRAST: f64 = 30.0;
 
 /// Cells across a pixel of the grid that integrate its bilinear hat to 1e-3.
@@ -84,16 +86,17 @@ pub struct Panorama {
     /// Pixels that flicker, if any do.
     flickering: Vec<bool>,
     flicker: Option<Flicker>,
-    /// Middles of pixels with a large share of the power.
+    /// Pixels with a large fraction of the power.
     hot: Vec<(usize, usize)>,
     start_columns: f64,
     columns_per_second: f64,
 }
 
 impl Panorama {
-    /// From a lat-long frame of radiance with half-pixel centres (OpenEXR's orientation) and 1 or 3 channels.
+    /// Builds it from a lat-long frame of radiance with half-pixel centres (OpenEXR's orientation) and 1 or 3
+    /// channels.
     ///
-    /// Errors say what in the options does not fit the picture, and name the key below `panorama`.
+    /// Errors say which option does not fit the picture, and name the key below `panorama`.
     pub fn new(options: &PanoramaOptions, frame: &Frame, frame_rate_hz: f64) -> Result<Self> {
         let Pixels::Radiance(samples) = &frame.pixels else {
             return Err(Error::usage("holds raw codes, not radiance").at(Place::key("file")));
@@ -109,7 +112,7 @@ impl Panorama {
         }
         let pixel = |row: usize, column: usize| {
             let start = (row * frame.width + column) * channels;
-            // What is not light counts as none.
+            // Negative values and values that are not finite cannot be radiance and count as 0.
             let sample = |channel: usize| {
                 let value = samples[start + channel.min(channels - 1)];
                 if value.is_finite() { f64::from(value.max(0.0)) } else { 0.0 }
@@ -163,8 +166,8 @@ impl Panorama {
         let turn = self.start_columns + self.columns_per_second * time_s;
         PanoramaAt {
             panorama: self,
-            // To a millionth of a column, so that whole columns stay whole whatever the frame rate does to
-            // them.
+            // Rounded to a millionth of a column, so that whole columns stay whole despite the rounding of
+            // frame times.
             turn_columns: (turn * 1e6).round() / 1e6,
             factor: self.flicker.map_or(1.0, |flicker| flicker.factor(time_s)),
         }
@@ -183,7 +186,7 @@ pub struct PanoramaAt<'a> {
 }
 
 impl PanoramaAt<'_> {
-    /// Radiance from a direction (unit vector), bilinear between the pixels' middles.
+    /// Radiance from a direction (unit vector), bilinear between the pixels' centres.
     pub fn radiance(&self, direction: DVec3) -> [f64; 3] {
         let (columns, rows) = (self.panorama.map.shape.columns(), self.panorama.map.shape.rows());
         let (theta_rad, phi_rad) = polar(direction);
@@ -203,7 +206,7 @@ impl PanoramaAt<'_> {
         std::array::from_fn(|channel| (0..4).map(|i| weights[i] * corners[i][channel]).sum())
     }
 
-    /// Where single pixels hold much of the power.
+    /// Details where single pixels hold much of the power.
     pub fn details(&self) -> impl Iterator<Item = Detail> {
         let shape = self.panorama.map.shape;
         let height_rad = PI / shape.rows() as f64;
@@ -213,7 +216,7 @@ impl PanoramaAt<'_> {
             let phi_rad = (*column as f64 + 0.5 + self.turn_columns) * width_rad;
             Detail {
                 direction: lightcast_core::math::direction(theta_rad, phi_rad),
-                // The hat reaches one pixel from the middle each way.
+                // The hat extends one pixel from its centre in each direction.
                 radius_rad: height_rad.hypot(width_rad),
                 cell_rad: height_rad.min(width_rad * theta_rad.sin()) / CELLS_PER_PIXEL,
             }
@@ -286,7 +289,7 @@ mod tests {
     use super::*;
     use lightcast_core::math::direction;
 
-    /// 40 x 20 pixels of 1 with a bright one in file column 15 (phi column 5), row 6.
+    /// 40 x 20 pixels of 1 with a bright pixel in file column 15 (phi column 5), row 6.
     fn frame() -> Frame {
         let mut samples = vec![1.0f32; 40 * 20];
         samples[6 * 40 + 15] = 5000.0;
@@ -327,7 +330,7 @@ mod tests {
     #[test]
     fn directions_agree_with_the_lat_long_picture() {
         let panorama = Panorama::new(&options("turn.start_deg = 18.0"), &frame(), 25.0).unwrap();
-        // phi column 5 and two more of 9 degrees each.
+        // phi column 5 plus two columns of 9 degrees each.
         let middle = direction((6.5f64 * 9.0).to_radians(), (7.5f64 * 9.0).to_radians());
         let at = panorama.at(0.0);
         assert!((at.radiance(middle)[0] / 5000.0 - 1.0).abs() < 1e-9);

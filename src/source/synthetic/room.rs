@@ -1,4 +1,4 @@
-//! A box seen from inside: textured walls, lamps on them, and the light that the lamps throw on the walls.
+//! A box seen from inside: textured walls, lamps on them, and the light of the lamps on the walls.
 
 use super::animation::{Flicker, is_on};
 use super::emitter::{Detail, Emitter, Shape, check_radiance};
@@ -14,22 +14,22 @@ use std::f64::consts::PI;
 pub struct Room {
     /// Inner size along x, y (up) and z in metres.
     pub size_m: [f64; 3],
-    /// The camera's place, measured from the corner where x, y and z are least.
+    /// The camera's position, measured from the corner where x, y and z are least.
     pub camera_m: [f64; 3],
-    /// Irradiance that every wall gets besides the lamps' light.
+    /// Irradiance that every wall receives besides the lamps' light.
     pub ambient: [f64; 3],
     /// Mean reflectance of the walls.
     pub albedo: [f64; 3],
     /// Side of the squares on the walls in metres.
     pub tile_m: f64,
-    /// Which texture.
+    /// Seed of the texture.
     pub seed: u64,
     /// Lamps on walls.
     pub lamp: Vec<WallLamp>,
 }
 
 impl Default for Room {
-    /// A dim room of 6 x 3 x 5 m, the camera in its middle, no lamps.
+    /// A dim room of 6 x 3 x 5 m without lamps, the camera at its centre.
     fn default() -> Self {
         Self {
             size_m: [6.0, 3.0, 5.0],
@@ -67,7 +67,7 @@ pub enum Wall {
 }
 
 impl Wall {
-    /// Axis (0 to 2) and whether the wall stands at its far end.
+    /// Axis (0 to 2), and whether the wall is at its positive end.
     fn axis(self) -> (usize, bool) {
         match self {
             Self::NegX => (0, false),
@@ -84,10 +84,9 @@ impl Wall {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WallLamp {
-    /// The wall that it is on.
+    /// The wall on which it is mounted.
     pub wall: Wall,
-    /// Its middle: the two coordinates that the wall leaves free, in the order x, y, z, from the room's
-    /// corner.
+    /// Its centre: the two coordinates along the wall, in the order x, y, z, from the room's corner.
     pub centre_m: [f64; 2],
     /// Full size of a rectangle along the same two coordinates.
     pub size_m: Option<[f64; 2]>,
@@ -95,7 +94,7 @@ pub struct WallLamp {
     pub radius_m: Option<f64>,
     /// Radiance when on and not flickering.
     pub radiance: [f64; 3],
-    /// Steady without it.
+    /// Without it the lamp does not flicker.
     pub flicker: Option<Flicker>,
     /// On-times `[start, end)` in seconds; always on without any.
     #[serde(default)]
@@ -195,7 +194,7 @@ impl RoomAt<'_> {
         radiance
     }
 
-    /// Where the lamps are that are on.
+    /// Details at the lamps that are on.
     pub fn details(&self) -> impl Iterator<Item = Detail> {
         self.lamps.iter().map(|(_, lamp)| lamp.detail())
     }
@@ -211,7 +210,7 @@ impl RoomAt<'_> {
             } else {
                 room.camera_m[candidate]
             };
-            // A ray along the wall gives infinity, which loses.
+            // A ray parallel to the wall gives infinity, which is never the minimum.
             let along = distance_m / direction[candidate].abs();
             if along < nearest {
                 (nearest, axis, far) = (along, candidate, forward);
@@ -220,8 +219,8 @@ impl RoomAt<'_> {
         (axis, far, direction * nearest)
     }
 
-    /// A Lambert wall under the ambient light and the lamps, each taken as one point with a cosine lobe:
-    /// enough for walls that brighten when a lamp does.
+    /// A Lambertian wall under the ambient light and the lamps, each approximated as a point with a cosine
+    /// lobe: this suffices for walls that brighten when a lamp does.
     fn wall_radiance(&self, axis: usize, far: bool, point: DVec3) -> [f64; 3] {
         let room = self.room;
         let inward = if far { -unit(axis) } else { unit(axis) };
@@ -232,7 +231,7 @@ impl RoomAt<'_> {
             let to_lamp = lamp.centre - point;
             let cosines = to_lamp.dot(inward).max(0.0) * (-to_lamp.dot(lamp_inward)).max(0.0);
             let area = lamp.area();
-            // Not nearer than the lamp is large: there it is no point.
+            // The distance is at least the size of the lamp: nearer, the lamp is not a point.
             let distance_2 = to_lamp.length_squared().max(area);
             for channel in 0..3 {
                 irradiance[channel] += lamp.radiance[channel] * area * cosines / (distance_2 * distance_2);
@@ -242,7 +241,7 @@ impl RoomAt<'_> {
         std::array::from_fn(|channel| irradiance[channel] * room.albedo[channel] * texture / PI)
     }
 
-    /// Between 0.6 and 1.4: squares of two tones under fractal noise.
+    /// A factor between 0.6 and 1.4: squares of two tones, modulated by fractal noise.
     fn texture(&self, axis: usize, far: bool, point_m: DVec3) -> f64 {
         let [i, j] = free_axes(axis);
         let (a, b) = (point_m[i] / self.room.tile_m, point_m[j] / self.room.tile_m);
@@ -306,7 +305,7 @@ mod tests {
         assert_eq!(on.radiance(DVec3::Y), [100.0, 90.0, 70.0]);
         assert!(off.radiance(DVec3::Y)[0] < 1.0);
         let (dark, lit) = (off.radiance(DVec3::NEG_Y), on.radiance(DVec3::NEG_Y));
-        // Straight below at 3 m: E = L A / d^2 beside the ambient 0.1.
+        // Directly below at 3 m: E = L A / d^2 in addition to the ambient 0.1.
         let expected = (0.1 + 100.0 * 0.36 / 9.0) / 0.1;
         assert!((lit[0] / dark[0] / expected - 1.0).abs() < 1e-12);
     }

@@ -1,7 +1,7 @@
 //! The script file: what a synthetic sequence shows and how it is taken.
 //!
-//! TOML; unknown keys are refused. One of `[sky]`, `[room]`, `[panorama]` says what there is to see, one of
-//! `[lat_long]`, `[fisheye]` how it is seen.
+//! TOML; unknown keys are refused. One of `[sky]`, `[room]`, `[panorama]` describes the surroundings, one of
+//! `[lat_long]`, `[fisheye]` the projection.
 
 use super::animation::Exposure;
 use super::integrate::FrameView;
@@ -36,17 +36,17 @@ pub struct Script {
     pub(super) cells: usize,
     /// Ascending in time.
     pub(super) exposure: Vec<Exposure>,
-    /// None for none.
+    /// `None` for no noise.
     pub(super) noise: Option<Noise>,
-    /// What there is to see.
+    /// The surroundings.
     pub(super) scene: Surroundings,
-    /// Where pixels look; the world for a lat-long picture.
+    /// The directions of pixels; the camera frame is the world for a lat-long picture.
     pub(super) view: FrameView,
-    /// What the sensor makes of radiance; the identity for frames of radiance.
+    /// The response of the sensor; the identity for frames of radiance.
     pub(super) response: Response,
 }
 
-/// Name of a frame's file: a run of `#` stands for the number.
+/// Name of a frame's file: a sequence of `#` stands for the number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameName {
     before: String,
@@ -68,7 +68,7 @@ impl FrameName {
         (plain && apart).then_some(Self { before, digits, after, first_number })
     }
 
-    /// The pattern, as `name.####.exr`.
+    /// The pattern, such as `name.####.exr`.
     pub fn pattern(&self) -> String {
         format!("{}{}{}", self.before, "#".repeat(self.digits), self.after)
     }
@@ -109,7 +109,7 @@ fn yes() -> bool {
     true
 }
 
-/// Sixteen cells a pixel take the jaggedness off edges.
+/// Sixteen cells per pixel antialias edges.
 fn cells() -> usize {
     4
 }
@@ -131,13 +131,13 @@ struct Fisheye {
     /// k1 to k4 of Kannala and Brandt.
     #[serde(default)]
     k: [f64; 4],
-    /// By default such that the field of view touches the nearer border.
+    /// By default the circle of the field of view touches the nearer border.
     focal_px: Option<f64>,
     /// Principal point, half-pixel centres; by default the middle.
     centre_px: Option<[f64; 2]>,
     /// Rows of the rotation from the camera to the world; by default the camera looks straight up.
     world_from_camera: Option<[[f64; 3]; 3]>,
-    /// Raw codes by this response; radiance without it.
+    /// Frames are raw codes by this response; radiance without it.
     #[serde(default)]
     response: ResponseModel,
 }
@@ -147,13 +147,13 @@ impl Script {
     /// `data`.
     ///
     /// # Errors
-    /// `Usage`, naming the file, the line and the key: what cannot be read, is not TOML, has unknown keys or
-    /// values that do not fit, or names a panorama that is not there.
+    /// `Usage`, naming the file, the line and the key: a file that cannot be read, is not TOML, has unknown
+    /// keys or invalid values, or names a panorama that does not exist.
     pub fn load(path: &Path, data: Option<&Path>) -> Result<Self> {
         Self::parse(&TomlText::load(path)?, data)
     }
 
-    /// As [`Self::load`], from a file that was read before.
+    /// As [`Self::load`], from a file that has already been read.
     ///
     /// # Errors
     /// As [`Self::load`].
@@ -174,12 +174,12 @@ impl Script {
         }
     }
 
-    /// What the frames are pictures through.
+    /// The projection of the frames.
     pub fn projection(&self) -> &Projection {
         &self.view.projection
     }
 
-    /// Rotation from the camera frame to the world, as a configuration has to name it; the identity for
+    /// Rotation from the camera frame to the world, as a configuration must give it; the identity for
     /// lat-long pictures.
     pub fn world_from_camera(&self) -> DMat3 {
         self.view.world_from_camera
@@ -223,7 +223,7 @@ impl Keys {
             _ => return Err(Error::usage("lat_long or fisheye: one of the two sections must be there")),
         };
         let (width, height) = (projection.width(), projection.height());
-        // What nobody could read back is not written.
+        // Pictures that could not be read back are refused.
         if !(1..=MAX_SIDE_PX).contains(&width)
             || !(1..=MAX_SIDE_PX).contains(&height)
             || width * height > MAX_PIXELS
@@ -343,7 +343,7 @@ impl Fisheye {
                 let rotation = DMat3::from_cols_array_2d(&rows).transpose();
                 let error = rotation * rotation.transpose() - DMat3::IDENTITY;
                 let worst = error.to_cols_array().into_iter().map(f64::abs).fold(0.0, f64::max);
-                // 1e-6: what is left of a rotation written with seven digits.
+                // 1e-6 is the deviation of a rotation written with seven digits.
                 if worst.is_nan() || worst > 1e-6 || rotation.determinant() < 0.0 {
                     return Err(Error::usage("must be a rotation matrix, by rows")
                         .at(Place::key("world_from_camera")));

@@ -1,15 +1,15 @@
-//! From radiance to what a sensor delivers: photon noise, response, read noise.
+//! From radiance to sensor output: photon noise, response, read noise.
 
 use super::noise::{hash, normal_pair};
 use crate::error::{Error, Result};
 use lightcast_core::camera::Response;
 use serde::Deserialize;
 
-/// Noise that depends on nothing but the seed, the frame and the sample.
+/// Noise that depends only on the seed, the frame and the sample.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
-    /// Which noise.
+    /// Seed of the noise.
     #[serde(default)]
     pub seed: u64,
     /// Radiance that one photon stands for: the variance of radiance L is this times L.
@@ -71,7 +71,7 @@ mod tests {
         for radiance in [1.0, 100.0] {
             let variance =
                 (0..n).map(|i| (noise.radiance(radiance, i) - radiance).powi(2)).sum::<f64>() / n as f64;
-            // Standard error sqrt(2 / n) = 0.7 %; four of them.
+            // The bound is four standard errors of sqrt(2 / n) = 0.7 %.
             assert!((variance / (0.01 * radiance) - 1.0).abs() < 0.03, "{radiance}: {variance}");
         }
         let variance =

@@ -1,4 +1,4 @@
-//! The sky: a smooth gradient, clouds that drift, a sun on a path, far lamps, ground below the horizon.
+//! The sky: a smooth gradient, drifting clouds, a sun on a path, distant lamps, ground below the horizon.
 
 use super::animation::{Flicker, Waypoint, along, is_on};
 use super::emitter::{Detail, Emitter, check_radiance};
@@ -18,16 +18,16 @@ pub struct Sky {
     pub horizon: [f64; 3],
     /// Radiance below the horizon.
     pub ground: [f64; 3],
-    /// No sun without it.
+    /// `None`: no sun.
     pub sun: Option<Sun>,
-    /// No clouds without them.
+    /// `None`: no clouds.
     pub clouds: Option<Clouds>,
-    /// Lamps that stand before everything else.
+    /// Lamps in front of everything else.
     pub lamp: Vec<FarLamp>,
 }
 
 impl Default for Sky {
-    /// A clear noon sky with radiance about 1 at the horizon and nothing in it.
+    /// An empty, clear noon sky with radiance about 1 at the horizon.
     fn default() -> Self {
         Self {
             zenith: [0.12, 0.26, 0.6],
@@ -40,7 +40,7 @@ impl Default for Sky {
     }
 }
 
-/// The sun's disc and the glow about it.
+/// The sun's disc and the glow around it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sun {
@@ -49,10 +49,10 @@ pub struct Sun {
     pub radius_deg: f64,
     /// Radiance of the disc.
     pub radiance: [f64; 3],
-    /// Radiance of the glow at the disc's edge; it falls by e every 12 degrees.
+    /// Radiance of the glow at the disc's edge; it falls by a factor of e every 12 degrees.
     #[serde(default)]
     pub glow: [f64; 3],
-    /// Where the sun stands when; at least one entry.
+    /// Positions of the sun over time; at least one entry.
     pub path: Vec<Waypoint>,
 }
 
@@ -69,12 +69,12 @@ pub struct Clouds {
     /// Size of the largest clouds, in heights of the cloud plane.
     #[serde(default = "one")]
     pub size: f64,
-    /// Motion along x and z in heights of the cloud plane per second.
+    /// Velocity along x and z in heights of the cloud plane per second.
     #[serde(default)]
     pub drift: [f64; 2],
-    /// Radiance of what the sun lights.
+    /// Radiance of the sunlit parts.
     pub radiance: [f64; 3],
-    /// Which clouds.
+    /// Seed of the clouds.
     #[serde(default)]
     pub seed: u64,
 }
@@ -83,7 +83,7 @@ fn one() -> f64 {
     1.0
 }
 
-/// A far disc that faces the camera.
+/// A distant disc that faces the camera.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FarLamp {
@@ -96,14 +96,14 @@ pub struct FarLamp {
     pub radius_deg: f64,
     /// Radiance when on and not flickering.
     pub radiance: [f64; 3],
-    /// Steady without it.
+    /// Without it the lamp does not flicker.
     pub flicker: Option<Flicker>,
     /// On-times `[start, end)` in seconds; always on without any.
     #[serde(default)]
     pub on_s: Vec<[f64; 2]>,
 }
 
-/// Scale of the glow about the sun in degrees; about that of light haze.
+/// Scale of the glow around the sun in degrees; approximately that of light haze.
 const GLOW_DEG: f64 = 12.0;
 
 /// Optical depth of the thickest cloud: the sun's disc keeps 1/400 of its radiance behind it.
@@ -199,7 +199,7 @@ impl SkyAt<'_> {
     /// Radiance from a direction (unit vector).
     pub fn radiance(&self, direction: DVec3) -> [f64; 3] {
         let sky = self.sky;
-        // A horizon one degree wide: a hard one would alias.
+        // The horizon is blurred over one degree: a hard one would alias.
         let above = smooth_step(-0.01, 0.01, direction.y);
         let height = direction.y.max(0.0);
         let mut radiance = mix(sky.zenith, sky.horizon, (1.0 - height).powi(4));
@@ -228,7 +228,7 @@ impl SkyAt<'_> {
         radiance
     }
 
-    /// Where the sun and the lamps are.
+    /// Details at the sun and the lamps.
     pub fn details(&self) -> impl Iterator<Item = Detail> {
         self.sun.iter().chain(&self.lamps).map(Emitter::detail)
     }
@@ -236,7 +236,7 @@ impl SkyAt<'_> {
     /// 0 in clear sky to 1 in the thickest cloud.
     fn cloud_density(&self, direction: DVec3) -> f64 {
         let Some(clouds) = &self.sky.clouds else { return 0.0 };
-        // The plane bends down to the horizon (0.15), or clouds there would be finer than any pixel.
+        // The plane bends down to the horizon (0.15); otherwise clouds there would be finer than any pixel.
         let scale = 1.0 / (clouds.size * (direction.y.max(0.0) + 0.15));
         let shift = clouds.drift.map(|speed| -speed * self.time_s / clouds.size);
         let value = fractal_noise(direction.x * scale, direction.z * scale, shift, clouds.seed);
@@ -245,7 +245,7 @@ impl SkyAt<'_> {
         smooth_step(threshold - 0.05, threshold + 0.2, value)
     }
 
-    /// Bright where little cloud lies between here and the sun, silver near it, grey elsewhere.
+    /// Bright where little cloud lies in front of the sun, silver near the sun, grey elsewhere.
     fn cloud_radiance(&self, clouds: &Clouds, direction: DVec3, density: f64, toward_sun: f64) -> [f64; 3] {
         let lit = match &self.sun {
             Some(sun) if density > 0.0 => {

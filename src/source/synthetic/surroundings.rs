@@ -1,4 +1,4 @@
-//! The scenes as one: radiance by direction and time.
+//! One type for all scenes: radiance by direction and time.
 
 use super::emitter::Detail;
 use super::panorama::{Panorama, PanoramaAt};
@@ -6,12 +6,12 @@ use super::room::{Room, RoomAt};
 use super::sky::{Sky, SkyAt};
 use glam::DVec3;
 
-/// What there is to see.
+/// The scene around the camera.
 #[derive(Clone, Debug)]
 pub enum Surroundings {
     /// Open sky.
     Sky(Sky),
-    /// A box from inside.
+    /// The inside of a box.
     Room(Room),
     /// A recorded panorama.
     Panorama(Panorama),
@@ -48,7 +48,7 @@ impl SceneAt<'_> {
         }
     }
 
-    /// Where a pixel must be cut finely.
+    /// Where the pixel integral must be fine.
     pub fn details(&self) -> Vec<Detail> {
         match self {
             Self::Sky(sky) => sky.details().collect(),

@@ -93,7 +93,7 @@ fn codes_are_the_response_of_the_radiance() {
     let response = parse(SKY).unwrap().response;
     assert!(codes.iter().zip(radiance).all(|(code, radiance)| response.encode(*radiance) == *code));
     assert!(codes.iter().any(|code| *code > 2500), "the sun is there");
-    // Half a stop less is the same factor everywhere, and luminance is that of the colours.
+    // Half a stop less is the same factor everywhere, and the luminance frames match the colour frames.
     let darker = frames(&parse(&format!("exposure = [{{ time_s = 0.0, stops = -0.5 }}]\n{linear}")).unwrap());
     let grey = frames(&parse(&format!("colour = false\n{linear}")).unwrap());
     let (Pixels::Radiance(darker), Pixels::Radiance(grey)) = (&darker[1].pixels, &grey[1].pixels) else {
@@ -227,7 +227,7 @@ fn garden_turns_a_column_a_frame_and_hall_flickers_where_it_should() {
         assert!((f64::from(after[0]) / f64::from(before[0]) - factor).abs() < 1e-6);
         changed += 1;
     }
-    // 3 % of the whole hemisphere are 972 pixels; most of the bright ones are lamps on this side.
+    // 3 % of the whole hemisphere are 972 pixels; most of the bright pixels are lamps on this side.
     assert!((100..=972).contains(&changed), "{changed}");
     println!("{changed} pixels of the hall flicker");
 }

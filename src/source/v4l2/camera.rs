@@ -15,7 +15,7 @@ use std::io;
 use std::time::Duration;
 use v4l::v4l_sys as sys;
 
-/// Which camera, and how it is set up. What is `None` stays as the driver has it.
+/// Which camera, and how it is set up. Settings that are `None` are left as the driver has them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct V4l2Options {
     /// A stable name as `lightcast devices` prints it, or a path.
@@ -28,7 +28,7 @@ pub struct V4l2Options {
     pub frame_rate_hz: Option<f64>,
     /// Controls by name.
     pub controls: BTreeMap<String, ControlValue>,
-    /// Buffers to share with the driver: what it can fill while a frame is worked on.
+    /// Buffers shared with the driver, which it can fill while a frame is being processed.
     pub buffers: u32,
 }
 
@@ -45,20 +45,20 @@ impl Default for V4l2Options {
     }
 }
 
-/// Drivers take the nearest rate that they have; 1 % is below what the filter's bands can tell apart.
+/// Drivers choose the nearest rate that they support; 1 % is below what the filter's bands can resolve.
 const RATE_TOLERANCE: f64 = 0.01;
 
 /// A V4L2 camera.
 #[derive(Debug)]
 pub struct V4l2Camera {
     options: V4l2Options,
-    /// The name that it is found by after a loss, and for messages.
+    /// The name by which it is found after a loss, also used in messages.
     name: String,
     pixel_format: PixelFormat,
     layout: Layout,
     frame_rate_hz: f64,
     exposure_s: Option<f64>,
-    /// The control that sets the exposure while it streams.
+    /// The control that sets the exposure while the camera streams.
     exposure_control: Option<u32>,
     stream: Option<Stream>,
 }
@@ -105,7 +105,7 @@ impl V4l2Camera {
         &self.name
     }
 
-    /// What its frames are like.
+    /// The format of its frames.
     pub fn format(&self) -> FrameFormat {
         FrameFormat {
             width: self.layout.width,
@@ -118,13 +118,13 @@ impl V4l2Camera {
         }
     }
 
-    /// Exposure in seconds, where the camera has V4L2's standard control for it and does not change it by
-    /// itself.
+    /// Exposure in seconds, where the camera has V4L2's standard control for it and automatic exposure is
+    /// off.
     pub fn exposure_s(&self) -> Option<f64> {
         self.exposure_s
     }
 
-    /// Says which control sets the exposure, and which values it is to take.
+    /// Chooses the control that sets the exposure, and checks the values that it will be set to.
     ///
     /// # Errors
     /// `Usage`: the camera has no such control or value. `LostDevice`: it does not answer.
@@ -151,18 +151,18 @@ impl LiveCamera for V4l2Camera {
     fn start(&mut self) -> Result<()> {
         self.stream = None;
         let identity = identity::find(&self.name)?;
-        // It was all of this when it was opened: a camera that is not now is not ready, and asked again
-        // later.
+        // The camera had all of this when it was opened: if it lacks something now, it is not ready, and
+        // another attempt follows later.
         let (node, found) = set_up(&identity, &self.options)
             .map_err(|error| error.at(&self.name).with_kind(Kind::LostDevice))?;
-        // The filter's taps are made for one rate; the next attempt may find the camera as it was.
+        // The filter's taps are designed for one rate; the next attempt may find the camera as it was.
         if (found.frame_rate_hz - self.frame_rate_hz).abs() > RATE_TOLERANCE * self.frame_rate_hz {
             return Err(Error::lost_device(format!(
                 "camera {}: came back at {} Hz and not at {}; write frame_rate_hz into the configuration",
                 self.name, found.frame_rate_hz, self.frame_rate_hz
             )));
         }
-        // The rows may lie in another way; the pictures are the same.
+        // The memory layout of the rows may differ; the pictures are the same.
         self.layout = found.layout;
         let stream = Stream::start(node, self.options.buffers)
             .map_err(|error| lost(&self.name, "does not start to stream", error))?;
@@ -232,7 +232,7 @@ fn read(bytes: &[u8], pixel_format: PixelFormat, layout: &Layout, frame: &mut Fr
     (!is_whole).then_some(BadBuffer::Short)
 }
 
-/// Exposure in seconds; `None` where the driver does not tell or changes it by itself.
+/// Exposure in seconds; `None` where the driver does not report it or automatic exposure is on.
 fn exposure_s(node: &Node) -> Option<f64> {
     let automatic = node.control(sys::V4L2_CID_EXPOSURE_AUTO, false);
     if automatic.is_ok_and(|mode| mode != i64::from(sys::v4l2_exposure_auto_type_V4L2_EXPOSURE_MANUAL)) {
@@ -242,7 +242,7 @@ fn exposure_s(node: &Node) -> Option<f64> {
     node.control(sys::V4L2_CID_EXPOSURE_ABSOLUTE, false).ok().map(|ticks| ticks as f64 * 1e-4)
 }
 
-/// What a camera was found or made to be.
+/// The state of a camera after setup.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct SetUp {
     pixel_format: PixelFormat,
@@ -271,7 +271,7 @@ fn gone(what: &str, error: io::Error) -> Error {
 /// Codes of the formats that the camera offers.
 pub(super) fn offered(node: &Node) -> io::Result<Vec<[u8; 4]>> {
     let mut fourccs = Vec::new();
-    // More than any driver has; one that repeats itself is left then.
+    // More than any driver has, in case a driver repeats its list without end.
     for index in 0..256 {
         let Some(description) = node.format_description(index)? else { break };
         fourccs.push(description.pixelformat.to_le_bytes());
@@ -358,7 +358,7 @@ fn set_rate(node: &Node, wanted_hz: Option<f64>) -> Result<f64> {
         _ => 0.0,
     };
     let Some(wanted_hz) = wanted_hz else { return Ok(read(node)) };
-    // Whole rates are exact, NTSC's in units of 1001, slow ones in thousandths of a second.
+    // Whole rates and NTSC rates (in units of 1/1001) are exact, slow rates are in thousandths of a second.
     let (numerator, denominator) = if wanted_hz < 1.0 {
         ((1000.0 / wanted_hz).round() as u32, 1000)
     } else if (wanted_hz - wanted_hz.round()).abs() < 1e-6 {

@@ -33,7 +33,8 @@ impl fmt::Display for ControlValue {
 /// A control that has one number as its value.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Control {
-    /// Name as a configuration gives it: the driver's in small letters, all else as underscores.
+    /// Name as a configuration gives it: the driver's name in lower case, with other characters as
+    /// underscores.
     pub name: String,
     #[serde(skip)]
     pub(super) id: u32,
@@ -43,21 +44,21 @@ pub struct Control {
     pub minimum: i64,
     /// Largest value.
     pub maximum: i64,
-    /// Distance of two values.
+    /// Distance between two values.
     pub step: u64,
-    /// What the driver starts with.
+    /// The driver's default.
     pub default: i64,
-    /// What it is set to; `None` where the driver does not tell.
+    /// Current value; `None` where the driver does not report it.
     pub value: Option<i64>,
     /// Values and names of a menu.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub items: BTreeMap<i64, String>,
-    /// Cannot be set.
+    /// Whether it cannot be set.
     pub is_read_only: bool,
-    /// Has 64 bits, not 32.
+    /// Whether it has 64 bits, not 32.
     #[serde(skip)]
     pub(super) is_wide: bool,
-    /// A set of 32 bits, a number without a sign.
+    /// Whether it is a bit mask of 32 bits, an unsigned number.
     #[serde(skip)]
     pub(super) is_mask: bool,
 }
@@ -74,7 +75,7 @@ pub enum ControlKind {
     Menu,
 }
 
-/// More controls than any driver has; one that numbers them in a circle is left then.
+/// More controls than any driver has, in case a driver repeats them in a cycle.
 const CONTROLS_MAX: usize = 1000;
 
 /// All controls with one number as their value, in the driver's order. Others (buttons, strings, tables) are
@@ -86,7 +87,7 @@ pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
         let found = match node.control_after(id) {
             Ok(Some(found)) => found,
             Ok(None) => break,
-            // Some cameras cannot describe one of their controls; those before it are as good as ever.
+            // Some cameras cannot describe one of their controls; those before it are still usable.
             Err(_) if !controls.is_empty() => break,
             Err(error) => return Err(error),
         };
@@ -111,7 +112,7 @@ pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
         if kind == ControlKind::Menu {
             for index in found.minimum.max(0)..=found.maximum.min(found.minimum.max(0) + CONTROLS_MAX as i64)
             {
-                // It fits: a menu's numbers have 32 bits.
+                // The cast is lossless: a menu's indices have 32 bits.
                 if let Ok(Some(name)) = node.menu_item(found.id, index as u32, is_integer_menu) {
                     items.insert(index, name);
                 }
@@ -139,11 +140,11 @@ pub(super) fn list(node: &Node) -> io::Result<Vec<Control>> {
 
 fn read(node: &Node, id: u32, is_wide: bool, is_mask: bool) -> io::Result<i64> {
     let number = node.control(id, is_wide)?;
-    // The kernel hands 32 bits over as a number with a sign.
+    // The kernel returns 32 bits as a signed number.
     Ok(if is_mask { number & i64::from(u32::MAX) } else { number })
 }
 
-/// A driver's name for people, as an identifier: `Exposure Time, Absolute` is `exposure_time_absolute`.
+/// A driver's human-readable name as an identifier: `Exposure Time, Absolute` is `exposure_time_absolute`.
 fn identifier(name: &str) -> String {
     let words: Vec<String> = name
         .split(|letter: char| !letter.is_ascii_alphanumeric())
@@ -154,10 +155,10 @@ fn identifier(name: &str) -> String {
 }
 
 impl Control {
-    /// The number that stands for `value`.
+    /// The number that represents `value`.
     ///
     /// # Errors
-    /// `Usage`, naming what would do.
+    /// `Usage`, naming the valid values.
     pub(super) fn number(&self, value: &ControlValue) -> Result<i64> {
         let name = &self.name;
         if self.is_read_only {
@@ -186,7 +187,7 @@ impl Control {
         Error::usage(format!("control {}: {value} is not possible; give {possible}", self.name))
     }
 
-    /// What it can be set to, for people.
+    /// Its valid values, for messages.
     pub fn possible(&self) -> String {
         match self.kind {
             ControlKind::Switch => "true or false".to_owned(),
@@ -205,7 +206,7 @@ impl Control {
 /// The control of this name.
 ///
 /// # Errors
-/// `Usage`: there is none; the message lists those that are there. `LostDevice`.
+/// `Usage`: there is none; the message lists the existing ones. `LostDevice` when the camera is gone.
 pub(super) fn find(node: &Node, name: &str) -> Result<Control> {
     let controls = list(node).map_err(|error| lost("its controls cannot be listed", error))?;
     named(&controls, name).cloned()

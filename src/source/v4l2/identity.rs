@@ -1,11 +1,11 @@
 //! Names of cameras that stay the same when a cable is pulled and put back, and the node that has such a name
 //! now.
 //!
-//! The kernel numbers its nodes (`/dev/video0`) in the order of their coming. What stays is, best first:
-//! udev's link in `/dev/v4l/by-id` (maker, model, serial number; where there is a number), its link in
-//! `/dev/v4l/by-path` (the socket), and the bus address that the driver itself gives (`usb-0000:00:14.0-3`),
-//! which is there without udev too. Where one address has several cameras, `#1`, `#2` and so on behind it
-//! tell them apart.
+//! The kernel numbers its nodes (`/dev/video0`) in the order in which they appear. Stable names are, best
+//! first: udev's link in `/dev/v4l/by-id` (maker, model, serial number; only with a serial number), its link
+//! in `/dev/v4l/by-path` (the socket), and the bus address that the driver itself reports
+//! (`usb-0000:00:14.0-3`), which exists without udev too. Several cameras at one address are distinguished by
+//! the suffixes `#1`, `#2` and so on.
 
 use super::node::{Node, text};
 use crate::error::{Error, Result};
@@ -23,16 +23,16 @@ pub(super) struct Identity {
     pub(super) node: PathBuf,
     /// Its stable names, the best one first; at least one.
     pub(super) names: Vec<String>,
-    /// What the maker calls it.
+    /// Product name given by the maker.
     pub(super) card: String,
     pub(super) driver: String,
-    /// Serial number, where the bus tells one.
+    /// Serial number, where the bus reports one.
     pub(super) serial: Option<String>,
-    /// Whether it gives frames through one plane, the only way that is supported.
+    /// Whether it delivers frames in a single plane, the only layout that is supported.
     pub(super) is_single_planar: bool,
 }
 
-/// All nodes that give frames, by number. Nodes that cannot be opened are left out.
+/// All nodes that deliver frames, by number. Nodes that cannot be opened are left out.
 pub(super) fn list() -> Vec<Identity> {
     let mut found: Vec<Identity> = Vec::new();
     let mut addresses: Vec<String> = Vec::new();
@@ -51,8 +51,8 @@ pub(super) fn list() -> Vec<Identity> {
         let before = addresses.iter().filter(|other| **other == address).count();
         let serial = serial(&path);
         let mut names = links(&path);
-        // Two cameras of one model without serial numbers have the same link by maker and model; the socket
-        // tells them apart.
+        // Two cameras of one model without serial numbers have the same link by maker and model; they are
+        // distinguished by the socket.
         if serial.is_none() {
             names.reverse();
         }
@@ -73,7 +73,7 @@ pub(super) fn list() -> Vec<Identity> {
 /// The camera that a configuration names: by a stable name, or by a path, which is looked up now.
 ///
 /// # Errors
-/// `LostDevice`: there is none of this name; the message lists those that are there.
+/// `LostDevice`: there is none of this name; the message lists the existing ones.
 pub(super) fn find(name: &str) -> Result<Identity> {
     let cameras = list();
     let path = fs::canonicalize(name).ok();
@@ -122,7 +122,7 @@ fn links(node: &Path) -> Vec<String> {
     names
 }
 
-/// The USB serial number stands beside the interface that the node belongs to.
+/// The USB serial number is in sysfs, next to the interface that the node belongs to.
 fn serial(node: &Path) -> Option<String> {
     let name = node.file_name()?;
     let text =

@@ -12,21 +12,21 @@ use std::path::PathBuf;
 /// A camera of this machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Device {
-    /// The name to put into a configuration; it stays the same over unplugging and restarts.
+    /// The name to put into a configuration; it stays the same after unplugging and restarts.
     pub name: String,
-    /// Further names that mean the same camera.
+    /// Further names of the same camera.
     pub other_names: Vec<String>,
     /// The node that it has now.
     pub node: PathBuf,
-    /// What the maker calls it.
+    /// Product name given by the maker.
     pub card: String,
     /// The kernel's driver.
     pub driver: String,
-    /// Serial number, where the bus tells one.
+    /// Serial number, where the bus reports one.
     pub serial: Option<String>,
-    /// Why it cannot be used; `None` where it can.
+    /// Why it cannot be used; `None` if it can.
     pub unsupported: Option<String>,
-    /// Formats, the driver's order.
+    /// Formats, in the driver's order.
     pub formats: Vec<Format>,
     /// Controls with one number as their value.
     pub controls: Vec<Control>,
@@ -39,7 +39,7 @@ pub struct Format {
     pub name: String,
     /// Whether this program can capture it.
     pub is_supported: bool,
-    /// Frame sizes, the driver's order.
+    /// Frame sizes, in the driver's order.
     pub sizes: Vec<Size>,
 }
 
@@ -54,10 +54,10 @@ pub struct Size {
     pub rates_hz: Vec<f64>,
 }
 
-/// More entries than any driver has; one that repeats itself is left then.
+/// More entries than any driver has, in case a driver repeats its list without end.
 const ENTRIES_MAX: u32 = 256;
 
-/// All cameras, also those that cannot be used, in the order of their nodes.
+/// All cameras, including those that cannot be used, in the order of their nodes.
 pub fn devices() -> Vec<Device> {
     identity::list().iter().map(describe).collect()
 }

@@ -1,8 +1,7 @@
-//! Cameras of the Linux kernel (Video4Linux, version 2), through memory that the driver shares.
+//! Cameras of the Linux kernel (Video4Linux, version 2), captured through buffers shared with the driver.
 //!
-//! Frames come as the sensor gives them: grey or a mosaic of colours with 8 to 16 bits, as codes; pictures of
-//! ordinary cameras (YUYV, JPEG) as three channels of 8 bits. Devices with several planes only are not
-//! supported.
+//! Frames come as the sensor delivers them: grey or a mosaic of colours with 8 to 16 bits, as codes; pictures
+//! of ordinary cameras (YUYV, JPEG) as three channels of 8 bits. Multi-planar devices are not supported.
 
 mod camera;
 mod control;

@@ -1,9 +1,9 @@
 //! A device node of the kernel's V4L2 interface: its ioctls, its shared buffers, and nothing that can panic.
 //!
 //! The structures and request codes are those of the `v4l` crate; its own `Device` and `Stream` are not used,
-//! because they panic on controls and colour spaces that they do not know and on errors while a device goes
-//! away, and their buffers can be read only through a call that loses count of them after a timeout (v4l
-//! 0.14).
+//! because they panic on controls and colour spaces that they do not know and on errors while a device is
+//! being removed, and their buffers can be read only through a call that loses track of them after a timeout
+//! (v4l 0.14).
 //!
 //! All unsafe code of the capture is in this file.
 #![expect(unsafe_code, reason = "V4L2 is ioctls on C structures, and memory that the driver shares")]
@@ -26,17 +26,17 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// Opens a node for reading and writing, without waiting in any call.
+    /// Opens a node for reading and writing in non-blocking mode.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).custom_flags(libc::O_NONBLOCK).open(path)?;
         Ok(Self { file: file.into() })
     }
 
-    /// One ioctl, again when a signal interrupts it. `T` must be the structure that belongs to `request`.
+    /// One ioctl, repeated when a signal interrupts it. `T` must be the structure that belongs to `request`.
     fn ioctl<T>(&self, request: vidioc::_IOC_TYPE, argument: &mut T) -> io::Result<()> {
         loop {
-            // SAFETY: every caller in this file gives the structure that the request is defined with, and
-            // pointers in it lead to buffers that outlive the call.
+            // SAFETY: every caller in this file passes the structure that the request is defined with, and
+            // pointers in it point to buffers that outlive the call.
             let outcome =
                 unsafe { v4l2::ioctl(self.file.as_raw_fd(), request, ptr::from_mut(argument).cast()) };
             match outcome {
@@ -53,18 +53,18 @@ impl Node {
         Ok(capability)
     }
 
-    /// The pixel format of this index; `None` behind the last.
+    /// The pixel format of this index; `None` after the last.
     pub(super) fn format_description(&self, index: u32) -> io::Result<Option<sys::v4l2_fmtdesc>> {
         let mut description = sys::v4l2_fmtdesc { index, type_: CAPTURE, ..zeroed() };
         end_of_list(self.ioctl(vidioc::VIDIOC_ENUM_FMT, &mut description).map(|()| description))
     }
 
-    /// The frame size of this index; `None` behind the last.
+    /// The frame size of this index; `None` after the last.
     pub(super) fn frame_size(&self, pixel_format: u32, index: u32) -> io::Result<Option<SizeRange>> {
         let mut size = sys::v4l2_frmsizeenum { index, pixel_format, ..zeroed() };
         let range = self.ioctl(vidioc::VIDIOC_ENUM_FRAMESIZES, &mut size).map(|()| {
-            // SAFETY: the kernel says in `type_` which member it has filled, and all bytes were set to zero
-            // before.
+            // SAFETY: the kernel reports in `type_` which member it has filled, and all bytes were set to
+            // zero before.
             unsafe {
                 if size.type_ == sys::v4l2_frmsizetypes_V4L2_FRMSIZE_TYPE_DISCRETE {
                     let one = size.__bindgen_anon_1.discrete;
@@ -82,7 +82,7 @@ impl Node {
     }
 
     /// The frame interval, or the shortest of a range, of this index in seconds as (numerator, denominator);
-    /// `None` behind the last.
+    /// `None` after the last.
     pub(super) fn frame_interval(
         &self,
         pixel_format: u32,
@@ -104,7 +104,7 @@ impl Node {
         end_of_list(found)
     }
 
-    /// The capture format that is set.
+    /// The current capture format.
     pub(super) fn format(&self) -> io::Result<sys::v4l2_pix_format> {
         let mut format = sys::v4l2_format { type_: CAPTURE, ..zeroed() };
         self.ioctl(vidioc::VIDIOC_G_FMT, &mut format)?;
@@ -112,7 +112,7 @@ impl Node {
         Ok(unsafe { format.fmt.pix })
     }
 
-    /// Asks for a capture format; returns what the driver made of it.
+    /// Requests a capture format; returns the format that the driver chose.
     pub(super) fn set_format(&self, pix: sys::v4l2_pix_format) -> io::Result<sys::v4l2_pix_format> {
         let mut format = sys::v4l2_format { type_: CAPTURE, ..zeroed() };
         format.fmt.pix = pix;
@@ -121,7 +121,7 @@ impl Node {
         Ok(unsafe { format.fmt.pix })
     }
 
-    /// Time per frame in seconds as (numerator, denominator), as it is set.
+    /// Current time per frame in seconds as (numerator, denominator).
     pub(super) fn interval(&self) -> io::Result<(u32, u32)> {
         let mut parameters = sys::v4l2_streamparm { type_: CAPTURE, ..zeroed() };
         self.ioctl(vidioc::VIDIOC_G_PARM, &mut parameters)?;
@@ -130,21 +130,21 @@ impl Node {
         Ok((interval.numerator, interval.denominator))
     }
 
-    /// Asks for a time per frame; the driver takes the nearest that it has.
+    /// Requests a time per frame; the driver takes the nearest that it supports.
     pub(super) fn set_interval(&self, (numerator, denominator): (u32, u32)) -> io::Result<()> {
         let mut parameters = sys::v4l2_streamparm { type_: CAPTURE, ..zeroed() };
         parameters.parm.capture.timeperframe = sys::v4l2_fract { numerator, denominator };
         self.ioctl(vidioc::VIDIOC_S_PARM, &mut parameters)
     }
 
-    /// The control that follows `id`, controls of several values included; `None` behind the last.
+    /// The control that follows `id`, controls of several values included; `None` after the last.
     pub(super) fn control_after(&self, id: u32) -> io::Result<Option<sys::v4l2_query_ext_ctrl>> {
         let next = sys::V4L2_CTRL_FLAG_NEXT_CTRL | sys::V4L2_CTRL_FLAG_NEXT_COMPOUND;
         let mut control = sys::v4l2_query_ext_ctrl { id: id | next, ..zeroed() };
         end_of_list(self.ioctl(vidioc::VIDIOC_QUERY_EXT_CTRL, &mut control).map(|()| control))
     }
 
-    /// Name of a menu control's item, or its number as text; `None` where the menu has a hole.
+    /// Name of a menu control's item, or its number as text; `None` where the menu has a gap.
     pub(super) fn menu_item(&self, id: u32, index: u32, is_integer: bool) -> io::Result<Option<String>> {
         let mut item = sys::v4l2_querymenu { id, index, ..zeroed() };
         let name = self.ioctl(vidioc::VIDIOC_QUERYMENU, &mut item).map(|()| {
@@ -177,7 +177,7 @@ impl Node {
         self.ioctl(vidioc::VIDIOC_S_EXT_CTRLS, &mut list)
     }
 
-    /// Waits for a buffer, an error or the end of `patience`; returns what came, 0 for nothing.
+    /// Waits for a buffer, an error or the end of `patience`; returns the events of `poll`, 0 for none.
     fn wait(&self, patience: Duration) -> io::Result<libc::c_short> {
         let mut poll = libc::pollfd { fd: self.file.as_raw_fd(), events: libc::POLLIN, revents: 0 };
         let patience_ms = i32::try_from(patience.as_millis()).unwrap_or(i32::MAX);
@@ -192,7 +192,7 @@ impl Node {
     }
 }
 
-/// Smallest and largest frame that one entry of a driver's list stands for, columns and rows.
+/// Smallest and largest frame size, in columns and rows, that one entry of a driver's list stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SizeRange {
     pub(super) least: [u32; 2],
@@ -202,13 +202,13 @@ pub(super) struct SizeRange {
 const CAPTURE: u32 = sys::v4l2_buf_type_V4L2_BUF_TYPE_VIDEO_CAPTURE;
 const MAPPED: u32 = sys::v4l2_memory_V4L2_MEMORY_MMAP;
 
-/// A C structure of zeros, which is how the kernel wants what is not used.
+/// A C structure of zeros, which the kernel requires of unused members.
 fn zeroed<T: Kernel>() -> T {
     // SAFETY: `Kernel` is implemented for structures of plain numbers and null pointers only.
     unsafe { mem::zeroed() }
 }
 
-/// Marks the kernel's structures for which all bytes zero are a value.
+/// Marks the kernel's structures for which all bytes zero is a valid value.
 trait Kernel {}
 impl Kernel for sys::v4l2_capability {}
 impl Kernel for sys::v4l2_fmtdesc {}
@@ -224,12 +224,12 @@ impl Kernel for sys::v4l2_ext_controls {}
 impl Kernel for sys::v4l2_requestbuffers {}
 impl Kernel for sys::v4l2_buffer {}
 
-/// A pixel format to ask for; all else is left to the driver.
+/// A pixel format to request; everything else is left to the driver.
 pub(super) fn pix_format(fourcc: [u8; 4], [width, height]: [u32; 2]) -> sys::v4l2_pix_format {
     sys::v4l2_pix_format { width, height, pixelformat: u32::from_le_bytes(fourcc), ..zeroed() }
 }
 
-/// Lists end with EINVAL; drivers that have no such list say ENOTTY.
+/// Lists end with EINVAL; drivers that have no such list return ENOTTY.
 fn end_of_list<T>(entry: io::Result<T>) -> io::Result<Option<T>> {
     match entry {
         Ok(entry) => Ok(Some(entry)),
@@ -238,21 +238,21 @@ fn end_of_list<T>(entry: io::Result<T>) -> io::Result<Option<T>> {
     }
 }
 
-/// A C string in an array that may lack its end.
+/// A C string in an array that may lack the terminating zero.
 pub(super) fn text<T: Copy + Into<i64>>(chars: &[T]) -> String {
     let bytes: Vec<u8> = chars.iter().map(|&char| char.into() as u8).take_while(|&byte| byte != 0).collect();
     String::from_utf8_lossy(&bytes).trim().to_owned()
 }
 
-/// Buffers of a device, shared with it, while it streams. Dropping ends the streaming and gives the buffers
-/// back, whatever the driver says to that.
+/// Buffers of a device, shared with it, while it streams. Dropping ends the streaming and returns the
+/// buffers, whatever the driver answers.
 #[derive(Debug)]
 pub(super) struct Stream {
     node: Node,
     mappings: Vec<Mapping>,
 }
 
-/// A filled buffer; its bytes are ours until it is queued again, which consumes it.
+/// A filled buffer; we own its bytes until it is queued again, which consumes it.
 #[derive(Debug)]
 pub(super) struct Buffer {
     index: u32,
@@ -261,12 +261,12 @@ pub(super) struct Buffer {
     pub(super) is_faulty: bool,
     /// The driver's count of frames.
     pub(super) sequence: u32,
-    /// Time of capture on the kernel's monotonic clock; `None` when the driver gives another time.
+    /// Time of capture on the kernel's monotonic clock; `None` when the driver uses another clock.
     pub(super) time_ns: Option<i64>,
 }
 
 impl Stream {
-    /// Asks for `count` buffers, queues all that the driver gives and starts.
+    /// Requests `count` buffers, queues all that the driver allocates and starts the stream.
     pub(super) fn start(node: Node, count: u32) -> io::Result<Self> {
         let mut request = sys::v4l2_requestbuffers { count, type_: CAPTURE, memory: MAPPED, ..zeroed() };
         node.ioctl(vidioc::VIDIOC_REQBUFS, &mut request)?;
@@ -302,7 +302,7 @@ impl Stream {
         let mut buffer = description(0);
         match self.node.ioctl(vidioc::VIDIOC_DQBUF, &mut buffer) {
             Ok(()) => {}
-            // Woken for nothing; but a stream that only says that it is in error would wake us without end.
+            // A spurious wake-up; but a stream that only reports an error would wake us without end.
             Err(error) if error.kind() == io::ErrorKind::WouldBlock && events & libc::POLLERR == 0 => {
                 return Ok(None);
             }
@@ -316,7 +316,7 @@ impl Stream {
         }
         let is_monotonic =
             buffer.flags & sys::V4L2_BUF_FLAG_TIMESTAMP_MASK == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
-        // A driver may say anything.
+        // A driver may report any time.
         let microseconds =
             buffer.timestamp.tv_sec.saturating_mul(1_000_000).saturating_add(buffer.timestamp.tv_usec);
         let time_ns = microseconds.saturating_mul(1000);
@@ -338,7 +338,7 @@ impl Stream {
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        // The device may be gone. Buffers can be given back only when nobody maps them; closing the node
+        // The device may be gone. Buffers can be returned only when they are not mapped; closing the node
         // frees them in any case.
         let _ = self.node.ioctl(vidioc::VIDIOC_STREAMOFF, &mut { CAPTURE });
         self.mappings.clear();
@@ -364,7 +364,7 @@ unsafe impl Send for Mapping {}
 impl Mapping {
     fn new(node: &Node, buffer: &sys::v4l2_buffer) -> io::Result<Self> {
         let length = buffer.length as usize;
-        // SAFETY: a new mapping at a place of the kernel's choice; buffers for mapping are described by
+        // SAFETY: a new mapping at an address of the kernel's choice; buffers for mapping are described by
         // `offset`.
         let start = unsafe {
             let offset = libc::off_t::from(buffer.m.offset);
@@ -383,15 +383,16 @@ impl Mapping {
 
     fn bytes(&self) -> &[u8] {
         // SAFETY: mapped in `new` and unmapped in `drop`; by V4L2's rules the driver does not write to a
-        // buffer that is dequeued, and only such are read. Readers check lengths only, so one that breaks the
-        // rule (v4l2loopback, when its writer is faster than the reader) gives a torn picture.
+        // dequeued buffer, and only dequeued buffers are read. Readers rely on the length only, so a driver
+        // that breaks the rule (v4l2loopback, when its writer is faster than the reader) causes no more than
+        // a torn picture.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.length) }
     }
 }
 
 impl Drop for Mapping {
     fn drop(&mut self) {
-        // SAFETY: what `new` mapped. It can fail only for addresses that were never mapped.
+        // SAFETY: this is what `new` mapped. `munmap` can fail only for addresses that were never mapped.
         let _ = unsafe { v4l2::munmap(self.start.as_ptr().cast(), self.length) };
     }
 }

@@ -3,7 +3,7 @@
 
 use lightcast_core::image::Bayer;
 
-/// How the samples of one row lie in memory.
+/// Memory layout of the samples of one row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Samples {
     /// One byte each.
@@ -40,7 +40,7 @@ impl Samples {
         }
     }
 
-    /// Channels of the frames that it gives.
+    /// Channels of the resulting frames.
     pub(super) fn channels(self) -> usize {
         if matches!(self, Self::Yuyv | Self::Jpeg) { 3 } else { 1 }
     }
@@ -64,13 +64,14 @@ const fn mosaic(fourcc: &[u8; 4], samples: Samples, bayer: Bayer) -> PixelFormat
     PixelFormat { fourcc: *fourcc, samples, bayer: Some(bayer) }
 }
 
-/// Bit 31 of a code says "most significant byte first".
+/// Bit 31 of a code means "most significant byte first".
 const BIG_ENDIAN: u8 = 0x80;
 
 use Bayer::{Bggr, Gbrg, Grbg, Rggb};
 use Samples::{BigEndian, Bytes, Jpeg, LittleEndian, Packed10, Packed12, Packed14, Yuyv};
 
-/// All of them; where a camera offers several and the user names none, the earlier one is taken.
+/// All supported formats; where a camera offers several and the user names none, the earliest in this list is
+/// taken.
 pub(super) const KNOWN: &[PixelFormat] = &[
     plain(*b"Y16 ", LittleEndian),
     plain([b'Y', b'1', b'6', b' ' | BIG_ENDIAN], BigEndian),
@@ -123,8 +124,8 @@ pub(super) fn find(fourcc: [u8; 4]) -> Option<PixelFormat> {
     KNOWN.iter().copied().find(|format| format.fourcc == fourcc)
 }
 
-/// The code of a name as `lightcast devices` and `v4l2-ctl` write it: up to four characters, and `-BE` behind
-/// them for samples with the most significant byte first. `None` for what is no such name.
+/// The code of a name as `lightcast devices` and `v4l2-ctl` write it: up to four characters, followed by
+/// `-BE` for samples with the most significant byte first. `None` for anything else.
 pub(super) fn fourcc(name: &str) -> Option<[u8; 4]> {
     let (letters, is_big_endian) = name.strip_suffix("-BE").map_or((name, false), |letters| (letters, true));
     let letters = letters.trim_end_matches(' ').as_bytes();

@@ -1,14 +1,14 @@
-//! Bytes of a capture buffer to samples of a frame.
+//! Converts the bytes of a capture buffer to samples of a frame.
 
 use super::pixel_format::Samples;
 
-/// How a picture lies in a buffer.
+/// Memory layout of a picture in a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) samples: Samples,
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Bytes from the start of one row to the next; at least those of a row.
+    /// Bytes from the start of one row to the next; at least the bytes of one row.
     pub(super) stride: usize,
     /// Whether luma and chroma use all codes from 0 to 255 and not the narrow range of television (16 to 235,
     /// 240).
@@ -16,14 +16,14 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Bytes that a whole picture has at least: the last row may lack its padding.
+    /// Fewest bytes of a whole picture: the last row may lack its padding.
     pub(super) fn least_bytes(&self) -> usize {
         self.stride * self.height.saturating_sub(1) + self.samples.row_bytes(self.width)
     }
 
-    /// Fills `codes` with `width * height * channels` samples, row-major, as they come. Returns false, with
-    /// `codes` unspecified, when there are too few bytes. Allocates only when `codes` has another length.
-    /// Compressed pictures are not for this.
+    /// Fills `codes` with `width * height * channels` samples, row-major, without further processing. Returns
+    /// false, with `codes` unspecified, when there are too few bytes. Allocates only when `codes` has another
+    /// length. It does not handle compressed pictures.
     pub(super) fn unpack(&self, bytes: &[u8], codes: &mut Vec<u16>) -> bool {
         if bytes.len() < self.least_bytes() || self.samples == Samples::Jpeg {
             return false;
@@ -64,7 +64,7 @@ impl Layout {
             }
             Samples::Packed14 => {
                 for (to, from) in to.chunks_mut(4).zip(from.chunks(7)) {
-                    // Within a row that ends in a group, the low bits follow the high bytes that are there.
+                    // Where a row ends within a group, the low bits follow the high bytes that are present.
                     let (high, low) = from.split_at(to.len().min(from.len()));
                     let bits = low.iter().rev().fold(0u32, |bits, &byte| bits << 8 | u32::from(byte));
                     for (index, (to, &high)) in to.iter_mut().zip(high).enumerate() {
@@ -96,7 +96,7 @@ struct Chroma {
 impl Chroma {
     fn new(cb: u8, cr: u8, is_full_range: bool) -> Self {
         let (cb, cr) = (i32::from(cb) - 128, i32::from(cr) - 128);
-        // Kr = 0.299, Kb = 0.114: R adds 2 (1 - Kr) Cr, B adds 2 (1 - Kb) Cb, G what keeps the luma. The
+        // Kr = 0.299, Kb = 0.114: R adds 2 (1 - Kr) Cr, B adds 2 (1 - Kb) Cb, G what preserves the luma. The
         // narrow range has 219 steps of luma and 224 of chroma for full scale.
         let (luma, scale, black) = if is_full_range { (65_536, 1.0, 0) } else { (76_309, 255.0 / 224.0, 16) };
         let fixed = |factor: f64| (65_536.0 * scale * factor).round() as i32;
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn packed_samples_come_apart_and_rows_may_end_within_a_group() {
-        // 10 bits: 0x3ff, 0x001, 0x202, 0x155; then a row of two more with their low bits behind them.
+        // 10 bits: 0x3ff, 0x001, 0x202, 0x155; then a row of two more, followed by their low bits.
         let low = 0b01_10_01_11;
         let bytes = [0xff, 0x00, 0x80, 0x55, low];
         assert_eq!(unpack(Samples::Packed10, [4, 1, 5], &bytes), [0x3ff, 0x001, 0x202, 0x155]);
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn luma_and_chroma_become_the_colours_of_the_standard() {
-        // Closed form of BT.601, rounded, for all corners and some between.
+        // Closed form of BT.601, rounded, for all corners and some values in between.
         for is_full_range in [false, true] {
             for y in [0u8, 16, 80, 128, 235, 255] {
                 for cb in [0u8, 16, 100, 128, 240, 255] {

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 /// What the scripted camera does next; times in milliseconds of the simulated clock.
 #[derive(Clone, Copy, Debug)]
 enum Event {
-    /// `start` succeeds, after so long.
+    /// `start` succeeds, after this time.
     Starts,
     /// `start` fails with an error of this kind.
     Refuses(Kind),
@@ -19,11 +19,11 @@ enum Event {
     Bad(u32, BadBuffer),
     /// A part of a frame comes.
     Part,
-    /// Nothing comes for so long.
+    /// Nothing comes for this time.
     Silence(i64),
     /// The stream fails with an error of this kind.
     Fails(Kind),
-    /// Somebody asks for the end.
+    /// A shutdown is requested.
     Shutdown,
 }
 
@@ -43,7 +43,7 @@ const FRAME_MS: i64 = 40;
 
 impl Scripted {
     fn pass(&self, time_ms: i64) {
-        // Simulated time comes at once, and never fails.
+        // Simulated time passes immediately, and waiting never fails.
         self.clock.wait_until(self.clock.now_ns() + time_ms * 1_000_000, &Shutdown::new());
     }
 
@@ -102,7 +102,7 @@ const PATIENCE: Patience = Patience {
     recovery: Duration::from_millis(40),
 };
 
-/// What came of a script.
+/// The outcome of a script.
 struct Outcome {
     /// Sequence number and loss of every frame.
     frames: Vec<(u64, u64)>,
@@ -113,8 +113,8 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// Counters in the order of their making: kernel, faulty, short, undecodable, incomplete, out of order,
-    /// away, restarts; the attempts, which come last, are as many as the starts.
+    /// Counters in the order of their creation: kernel, faulty, short, undecodable, incomplete, out of order,
+    /// away, restarts; the number of attempts, which comes last, is that of the starts.
     fn counts(&self) -> Vec<u64> {
         let (attempts, others) = self.counters.split_last().unwrap();
         assert_eq!(*attempts, (ATTEMPTS, self.starts_ms.len() as u64));
@@ -250,7 +250,7 @@ fn errors_that_no_waiting_mends_end_the_stage() {
 
 #[test]
 fn a_request_to_end_interrupts_the_wait_for_a_lost_camera() {
-    /// Says when it is asked to start, and never does.
+    /// Reports that it is asked to start, and never starts.
     struct Gone(Sender<()>);
     impl LiveCamera for Gone {
         fn start(&mut self) -> Result<()> {
@@ -279,7 +279,7 @@ fn a_request_to_end_interrupts_the_wait_for_a_lost_camera() {
 #[test]
 fn a_camera_that_dies_after_every_frame_is_given_time() {
     let lost = Fails(Kind::LostDevice);
-    // Frames come 40 ms after a start, which is well; at 39 ms it would be too early.
+    // Frames come 40 ms after a start, which counts as recovered; 39 ms would be too early.
     let script = [Starts, Picture(0), lost, Starts, Picture(0), lost, Starts, Picture(0)];
     let patient = Patience { recovery: Duration::from_millis(41), ..PATIENCE };
     assert_eq!(play_with(patient, &script).starts_ms, [0, 140, 380]);

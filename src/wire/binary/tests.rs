@@ -182,7 +182,7 @@ fn hostile_numbers_are_replaced_and_the_message_is_sound() {
     let spreads: Vec<f32> = got.lights.iter().map(|light| light.spread_rad).collect();
     let pi = std::f32::consts::PI;
     assert_eq!(spreads[..9], [0.0, 0.0, 0.0, 0.0, pi, 0.0, 0.0, 0.0, pi]);
-    // What comes out can be written, and read again.
+    // The result can be written, and read again.
     let mut line = Vec::new();
     write_list_line(&got, &mut line).unwrap();
     read_list(&line, &mut LightList::default()).unwrap();

@@ -2,8 +2,8 @@
 //!
 //! It is applied in bands of the picture's rows, so that a band's radiance stays in the second-level cache. A
 //! band's part of the matrix is ordered by map pixel: chunks of four neighbouring pixels, with a weight per
-//! pixel and two bytes per chunk, are added up in four lanes, and the lanes once per band and map pixel. The
-//! map, small against picture and matrix, is what is accessed out of order.
+//! pixel and two bytes per chunk, are added up in four lanes, and the lanes are added once per band and map
+//! pixel. Only the map, which is small compared with picture and matrix, is accessed out of order.
 
 use super::band_kernels::{BandMatrix, CHUNKS_MAX, Group, LANES, PLANE, add_band};
 use super::footprints::Footprints;
@@ -12,8 +12,8 @@ use crate::image::PolarShape;
 use glam::Vec4;
 use std::ops::Range;
 
-/// Pixels of a band, unless one row has more: their numbers have 16 bits, a plane of their radiance takes 128
-/// KiB of the second-level cache, and most map pixels have all of their rows in one or two bands.
+/// Pixels of a band, unless one row has more: their indices fit in 16 bits, a plane of their radiance takes
+/// 128 KiB of the second-level cache, and most map pixels have all of their rows in one or two bands.
 const BAND_PIXELS: usize = 1 << 15;
 
 /// Weights of one picture, band by band.
@@ -24,7 +24,7 @@ pub(super) struct AreaMatrix {
     /// Rows of the picture in a band; the last band may have fewer.
     band_rows: usize,
     bands: Vec<BandEnds>,
-    /// Stretches of pixels that the map sees, numbered through the picture.
+    /// Ranges of pixels that the map sees, as indices into the picture.
     spans: Vec<Range<u32>>,
     groups: Vec<Group>,
     cells: Vec<u32>,
@@ -32,7 +32,7 @@ pub(super) struct AreaMatrix {
     weights: Vec<Vec4>,
 }
 
-/// Where a band's parts of the lists end; they start where the band before ended.
+/// Where a band's parts of the lists end; they start where those of the previous band end.
 #[derive(Clone, Copy, Debug, Default)]
 struct BandEnds {
     spans: usize,
@@ -45,7 +45,7 @@ struct BandEnds {
 #[derive(Clone, Copy, Debug)]
 struct Overlap {
     cell: u32,
-    /// Number in the band.
+    /// Index in the band.
     pixel: u16,
     solid_angle_sr: f64,
 }
@@ -57,9 +57,9 @@ struct Part {
 }
 
 impl AreaMatrix {
-    /// Computes the weights of a picture's pixels, for sizes that have been checked. `share` multiplies them:
-    /// the part of its channel's radiance that comes from this picture. What the picture sees of every map
-    /// pixel, whatever its share, is added to `coverage_sr`.
+    /// Computes the weights of a picture's pixels, for sizes that have been checked. They are multiplied by
+    /// `share`, the part of its channel's radiance that comes from this picture. The solid angle of every map
+    /// pixel that the picture sees is added to `coverage_sr`, whatever the share.
     pub(super) fn new(
         mut footprints: Footprints,
         shape: PolarShape,
@@ -104,7 +104,7 @@ impl AreaMatrix {
     /// Turns the overlaps of a band into its matrix, and empties them.
     fn end_band(&mut self, share: f64, overlaps: &mut Vec<Overlap>) {
         overlaps.sort_unstable_by_key(|overlap| (overlap.cell, overlap.pixel));
-        // Pieces of one pixel that fall on the same map pixel.
+        // Joins the pieces of one pixel that fall on the same map pixel.
         overlaps.dedup_by(|next, kept| {
             let same = (next.cell, next.pixel) == (kept.cell, kept.pixel);
             if same {
@@ -127,10 +127,11 @@ impl AreaMatrix {
                 _ => parts.push(Part { cell: overlap.cell, chunks: chunk..chunk + 1 }),
             }
             starts.push(overlap.pixel);
-            // Zeros, where they stay, meet pixels of the band or what an earlier one left, all finite.
+            // Weights that stay zero multiply pixels of this band or values left by an earlier one, all of
+            // them finite.
             weights.push(Vec4::new(weight, 0.0, 0.0, 0.0));
         }
-        // Stable: parts of one length stay in the map's order.
+        // The sort is stable: parts of equal length stay in the map's order.
         parts.sort_by_key(|part| part.chunks.len());
         for group in parts.chunk_by(|a, b| a.chunks.len() == b.chunks.len()) {
             self.groups.push(Group { chunks: group[0].chunks.len() as u32, parts: group.len() as u32 });
@@ -163,20 +164,20 @@ impl AreaMatrix {
         self.bands.len()
     }
 
-    /// Number in the picture of the first pixel of a band.
+    /// Index in the picture of the first pixel of a band.
     pub(super) fn first_pixel(&self, band: usize) -> usize {
         band * self.band_rows * self.width
     }
 
-    /// The stretches of a band's pixels that the map sees, numbered through the picture.
+    /// The ranges of a band's pixels that the map sees, as indices into the picture.
     pub(super) fn spans(&self, band: usize) -> impl Iterator<Item = Range<usize>> {
         self.spans[self.start(band).spans..self.bands[band].spans]
             .iter()
             .map(|span| span.start as usize..span.end as usize)
     }
 
-    /// Adds what a band gives to the map's sums. `radiance` starts with the band's first pixel; pixels
-    /// outside of the spans only have to be finite.
+    /// Adds a band's contribution to the map's sums. `radiance` starts with the band's first pixel; pixels
+    /// outside the spans only have to be finite.
     pub(super) fn add(&self, band: usize, radiance: &[f32; PLANE], sums: &mut [f64]) {
         let (start, end) = (self.start(band), self.bands[band]);
         let matrix = BandMatrix {

@@ -8,21 +8,23 @@ use super::response::CodeLookup;
 use glam::Vec4;
 use multiversion::multiversion;
 
-/// Weights per chunk; a chunk of fewer pixels is filled up with weights of zero. Four, because a map pixel is
-/// often only 3 to 10 pixels of the frame wide: longer chunks would be mostly fill.
+/// Weights per chunk; a chunk of fewer pixels is padded with weights of zero. It is four because a map pixel
+/// is often only 3 to 10 pixels of the frame wide: longer chunks would be mostly padding.
 pub(super) const LANES: usize = 4;
 
-/// Chunks per sum at most. A lane then adds 64 products of f32 and the lanes three sums, in all less than 70
-/// roundings of 2^-24 = 4e-6 of a sum of positive numbers; from there on sums are f64.
+/// Most chunks per sum. A lane then adds 64 products in f32, and adding the lanes takes three more sums: in
+/// all fewer than 70 roundings of 2^-24, which is 4e-6 of a sum of positive numbers. From there on sums are
+/// f64.
 pub(super) const CHUNKS_MAX: usize = 64;
 
-/// Chunks of a part that has a loop of its own length.
+/// Most chunks of a part for which there is a loop of fixed length.
 const SHORT: usize = 8;
 
-/// Length of a plane of radiance: every number of 16 bits is the start of a chunk in it, without a check.
+/// Length of a plane of radiance: every 16-bit number is the start of a chunk in it, so that no bounds check
+/// is needed.
 pub(super) const PLANE: usize = (1 << 16) + LANES;
 
-/// Parts of map pixels that are sums of equally many chunks.
+/// Parts of map pixels that are sums of the same number of chunks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Group {
     /// Chunks per part.
@@ -43,8 +45,8 @@ pub(super) struct BandMatrix<'a> {
     pub(super) weights: &'a [Vec4],
 }
 
-/// `sums[cell] += weights . radiance` for every part. Parts come in groups of one length because the
-/// processor cannot foresee a loop's length otherwise, and a wrong guess costs more than a part.
+/// `sums[cell] += weights . radiance` for every part. Parts are grouped by length because otherwise the
+/// processor cannot predict a loop's length, and a misprediction costs more than a part.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn add_band(band: BandMatrix, radiance: &[f32; PLANE], sums: &mut [f64]) {
     add_band_body(band, radiance, sums);
@@ -58,7 +60,7 @@ fn add_band_body(band: BandMatrix, radiance: &[f32; PLANE], sums: &mut [f64]) {
         let cells = cells.split_off(..parts).unwrap_or_default();
         let starts = starts.split_off(..parts * chunks).unwrap_or_default();
         let weights = weights.split_off(..parts * chunks).unwrap_or_default();
-        // Most parts are short; loops of a fixed length cost nothing but their work.
+        // Most parts are short; loops of a fixed length have no overhead.
         match chunks {
             1 => add_short::<1>(cells, starts, weights, radiance, sums),
             2 => add_short::<2>(cells, starts, weights, radiance, sums),
@@ -92,8 +94,8 @@ fn add_short<const CHUNKS: usize>(
     }
 }
 
-/// The scalar product, in four lanes; of a long part as four such sums, as a single one would have each
-/// addition wait for the one before.
+/// The dot product in four lanes. A long part is added up in four such sums, because in a single one each
+/// addition would wait for the previous one.
 #[inline(always)]
 fn product(starts: &[u16], weights: &[Vec4], radiance: &[f32; PLANE]) -> f64 {
     if starts.len() <= SHORT {
@@ -127,8 +129,8 @@ fn sum_of_lanes(lanes: Vec4) -> f64 {
     f64::from((lanes.x + lanes.z) + (lanes.y + lanes.w))
 }
 
-/// Raw codes of pixels with `channels` interleaved channels to radiance, one plane per channel ([`PLANE`]
-/// apart).
+/// Converts raw codes of pixels with `channels` interleaved channels to radiance, one plane per channel
+/// ([`PLANE`] apart).
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn decode_codes(
     codes: &[u16],
@@ -149,8 +151,8 @@ fn decode_codes_body<const CHANNELS: usize>(
     planes: &mut [f32],
 ) -> PixelCounts {
     let pixels = codes.as_chunks::<CHANNELS>().0;
-    // Counting is a loop of its own: it has no look-up and runs in vectors, of 16 bits as the codes have. A
-    // stretch has fewer than 2^16 pixels.
+    // Counting is a separate loop: it has no look-up and is vectorised with 16-bit lanes, the size of the
+    // codes. There are fewer than 2^16 pixels.
     let (mut saturated, mut black_clipped) = (0u16, 0u16);
     for pixel in pixels {
         saturated += u16::from(pixel.iter().fold(false, |any, &code| any | (code >= saturation_code)));
@@ -165,8 +167,8 @@ fn decode_codes_body<const CHANNELS: usize>(
     PixelCounts { saturated: saturated.into(), black_clipped: black_clipped.into(), ..PixelCounts::default() }
 }
 
-/// Raw codes of one pixel of every pair (`place` 0 or 1) to radiance: a row of a mosaic has two colours in
-/// turn.
+/// Converts raw codes of one pixel of every pair (`place` 0 or 1) to radiance: two colours alternate along a
+/// row of a mosaic.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn decode_codes_of_pairs(
     pairs: &[[u16; 2]],
@@ -197,7 +199,8 @@ fn decode_codes_of_pairs_body<const PLACE: usize>(
     PixelCounts { saturated: saturated.into(), black_clipped: black_clipped.into(), ..PixelCounts::default() }
 }
 
-/// Radiance of pixels with `channels` interleaved channels to planes, without what is no radiance.
+/// Copies radiance of pixels with `channels` interleaved channels to planes; values that are NaN, infinite or
+/// negative become 0.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn decode_radiance(
     samples: &[f32],
@@ -269,7 +272,8 @@ mod tests {
         add_band(band, radiance, &mut chosen);
         add_band_body(band, radiance, &mut plain);
         assert_eq!(chosen, plain);
-        // And both are the sum that is meant: every part by itself, so that no part hides behind larger ones.
+        // Both give the intended sum. Every part is checked by itself, so that larger parts cannot hide an
+        // error.
         let mut first = 0;
         for (part, &cell) in cells.iter().enumerate() {
             let group = groups[part / 100];
@@ -323,7 +327,7 @@ mod tests {
 
         let (pairs, _) = codes.as_chunks::<2>();
         for place in 0..2 {
-            // As a frame of one channel with every second code.
+            // The result is that of a frame of one channel with every second code.
             let own: Vec<u16> = pairs.iter().map(|pair| pair[place]).collect();
             let (mut chosen, mut plain, mut expected) =
                 (vec![0.0; PLANE], vec![0.0; PLANE], vec![0.0; PLANE]);

@@ -19,8 +19,8 @@ pub(super) struct SkyPoint {
 impl SkyPoint {
     /// From a unit vector in the world frame.
     pub(super) fn new(world: DVec3) -> Self {
-        // At 1e-9 from the pole a unit vector's rounding turns phi by 1e-7, and all that lies nearer covers
-        // 3e-18 sr: neither is seen in a map.
+        // At 1e-9 from the pole a unit vector's rounding turns phi by 1e-7, and everything nearer covers
+        // 3e-18 sr: neither is visible in a map.
         let across_squared = world.x * world.x + world.z * world.z;
         Self { phi_rad: world.z.atan2(world.x), z: world.y, at_pole: across_squared < 1e-18 }
     }
@@ -29,7 +29,8 @@ impl SkyPoint {
 /// The turn from one azimuth to another by the shorter way, in [-pi, pi].
 pub(super) fn turn_rad(from_rad: f64, to_rad: f64) -> f64 {
     let difference = to_rad - from_rad;
-    // Nearly every call: neighbouring points away from the seam. Rounding to the nearest turn costs more.
+    // Nearly every call is of this kind: neighbouring points away from the seam. Rounding to the nearest turn
+    // costs more.
     if difference.abs() <= TAU / 2.0 { difference } else { difference - TAU * (difference / TAU).round() }
 }
 
@@ -41,7 +42,7 @@ pub(super) fn push_point(points: &mut Vec<ChartPoint>, phi_rad: f64, z: f64) {
     }
 }
 
-/// Halvings at most. An edge that passes exactly through a pole halves its error four times per level; twelve
+/// Most halvings. An edge that passes exactly through a pole halves its error four times per level; twelve
 /// levels leave 1e-7 of the pixel.
 const DEPTH_MAX: u32 = 12;
 
@@ -104,8 +105,9 @@ fn refine(
     }
 }
 
-/// Closes a loop of unwrapped points whose boundary runs with the region's area positive (`integral z dphi` >
-/// 0). A loop that winds once round contains a pole and is closed along z = 1 (phi decreasing) or z = -1.
+/// Closes a loop of unwrapped points that runs round its region in the direction in which the area is
+/// positive (`integral z dphi` > 0). A loop that winds once round the axis contains a pole and is closed
+/// along z = 1 (phi decreasing) or z = -1.
 pub(super) fn close_loop(points: &mut Vec<ChartPoint>) {
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
     let end = last[0] + turn_rad(last[0], first[0]);
@@ -142,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_great_circle_beside_the_pole_keeps_its_area() {
-        // The half sphere turned by 89.9 degrees, cut at the quarter: compare with ten thousand chords.
+        // Part of a great circle that passes the pole at 0.1 degrees, compared with ten thousand chords.
         let tilt = 0.1f64.to_radians();
         let mut curve = |t: f64| {
             let angle = (t - 0.5) * 3.0;

@@ -1,7 +1,7 @@
 use crate::error::{Error, Result};
 use glam::{DMat3, DVec3};
 
-/// Beyond it an element is a mistake; and the products with the largest f32 stay finite.
+/// An element beyond this is a mistake; within it products with the largest f32 stay finite.
 const ELEMENT_MAX: f64 = 1e6;
 
 /// Linear Rec. 709 from the colours of a sensor; a white balance is its diagonal.
@@ -12,8 +12,8 @@ const ELEMENT_MAX: f64 = 1e6;
 pub struct ColourMatrix(DMat3);
 
 impl ColourMatrix {
-    /// Checks a matrix, given in rows: row 0 makes red of the sensor's red, green and blue. A singular one is
-    /// allowed (three equal rows give grey).
+    /// Checks a matrix, given in rows: row 0 gives red from the sensor's red, green and blue. A singular one
+    /// is allowed (three equal rows give grey).
     ///
     /// # Errors
     /// `Usage` for elements that are not finite or beyond 1e6.

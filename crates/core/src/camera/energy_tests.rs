@@ -127,7 +127,7 @@ fn sees_whole(lens: &Lens, camera_from_world: DMat3, shape: PolarShape, row: usi
             let theta = shape.theta_max_rad() * (row as f64 + f64::from(i) / 4.0) / shape.rows() as f64;
             let phi = TAU * (column as f64 + f64::from(j) / 4.0) / shape.columns() as f64;
             let ray = camera_from_world * crate::math::direction(theta, phi);
-            // A degree from the rim: between the points a border bends out by less.
+            // Keeps a degree away from the rim: between the points a border bulges out by less.
             let angle = ray.x.hypot(ray.y).atan2(ray.z);
             angle < lens.theta_max_rad() - 0.02
         })
@@ -167,7 +167,7 @@ fn worst_errors(lens: &Lens, shape: PolarShape, rotations: usize, suns: usize, s
             }
         }
 
-        // The dark room: at most 3 % of the power, so counted points are enough.
+        // The dark room has at most 3 % of the power, so counting points is accurate enough.
         let points = 20_000;
         let room = fibonacci_sphere(points)
             .filter(|ray| ray.y > lowest && lens.project(rotation.transpose() * *ray).is_some())

@@ -1,11 +1,11 @@
 //! Merges frames of one scene, taken at several exposure times, into radiance.
 //!
 //! Each sample of each exposure is an estimate of the radiance, `L = R(code) / t` with the response R
-//! (radiance at 1 s), and counts by one over its variance: noise of the code at the slope of the response,
-//! and photon noise, which grows with the signal (Kirk and Andersen 2006, *Noise Characterization of
-//! Weighting Schemes for Combination of Multiple Exposures*; Hasinoff, Durand and Freeman 2010). Clipped
-//! samples do not count, and the last twentieth of the codes below saturation fades out, so that no seam
-//! shows where the longest exposure saturates.
+//! (radiance at 1 s), and is weighted by the inverse of its variance: that of the code's noise, scaled by the
+//! slope of the response, and of photon noise, which grows with the signal (Kirk and Andersen 2006, *Noise
+//! Characterization of Weighting Schemes for Combination of Multiple Exposures*; Hasinoff, Durand and Freeman
+//! 2010). Clipped samples have no weight, and over the last twentieth of the codes below saturation the
+//! weight fades out, so that no seam shows where the longest exposure saturates.
 //!
 //! All of this depends on exposure and code only: one look-up gives weight and weighted radiance.
 
@@ -22,26 +22,26 @@ use crate::image::{Frame, Pixels};
 pub struct SensorNoise {
     /// Standard deviation of a code: read noise and rounding, > 0.
     pub read_codes: f64,
-    /// Electrons that a pixel holds at saturation, > 0; their number has photon noise.
+    /// Electrons that a pixel holds at saturation, > 0; photon noise follows from it.
     pub full_well_electrons: f64,
 }
 
 impl Default for SensorNoise {
-    /// One code, and 20,000 electrons, a pixel of 4 to 6 micrometres.
+    /// One code and 20,000 electrons, as in a pixel of 4 to 6 micrometres.
     fn default() -> Self {
         Self { read_codes: 1.0, full_well_electrons: 20_000.0 }
     }
 }
 
 /// Pixels that no exposure could measure. A pixel of three channels counts where any of them is affected, in
-/// the first of these lines that fits.
+/// the first of these fields that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MergeCounts {
-    /// Saturated in the shortest exposure; they have the radiance at which that saturates.
+    /// Saturated in the shortest exposure; they get the radiance at which that saturates.
     pub saturated: u64,
-    /// Black in the longest exposure; they have the radiance up to which that is black.
+    /// Black in the longest exposure; they get the radiance up to which that is black.
     pub black_clipped: u64,
-    /// Saturated in some exposures and black in the next shorter one: the steps are too large. They have the
+    /// Saturated in some exposures and black in the next shorter one: the steps are too large. They get the
     /// geometric mean of the two limits, or the first limit where the second is 0.
     pub between: u64,
 }
@@ -64,7 +64,8 @@ pub struct MergeCounts {
 #[derive(Clone, Debug)]
 pub struct ExposureMerge {
     exposures: Vec<Exposure>,
-    /// By the number of exposures in which a sample is saturated: what it has where none can measure it.
+    /// Radiance of a sample that no exposure can measure, by the number of exposures in which it is
+    /// saturated.
     fallbacks: Vec<f32>,
     black_clip_code: u16,
     shortest: usize,
@@ -83,12 +84,13 @@ struct Exposure {
     table: Vec<(f32, f32)>,
 }
 
-/// A sample so far. At most 64 f32 terms: their sum is right to 4e-6, less than any sensor's noise.
+/// The sums of a sample so far. They have at most 64 terms in f32, so they are accurate to 4e-6, which is
+/// less than any sensor's noise.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     weight: f32,
     radiance: f32,
-    /// Exposures in which it is saturated, and the two bits below.
+    /// Number of exposures in which it is saturated, and the two bits below.
     flags: u16,
 }
 
@@ -100,9 +102,9 @@ const COUNT: u16 = SATURATED_IN_SHORTEST - 1;
 const MOST_EXPOSURES: usize = 64;
 /// Share of the codes, below saturation, over which the weight fades.
 const FADE: f64 = 0.05;
-/// Smallest relative standard deviation: nothing about a sensor is known better.
+/// Smallest relative standard deviation: no property of a sensor is known more accurately.
 const BEST_ERROR: f64 = 1e-4;
-/// Smallest weight, the largest being 1, so that its product with a radiance still is a normal f32.
+/// Smallest weight, the largest being 1, so that its product with a radiance is still a normal f32.
 const SMALLEST_WEIGHT: f64 = 1e-24;
 
 impl ExposureMerge {
@@ -110,7 +112,7 @@ impl ExposureMerge {
     ///
     /// # Errors
     /// `Usage`: the identity as response, fewer than 2 exposures or more than 64, times that are not positive
-    /// numbers or twice the same, radiances that no f32 holds, noise that is not positive.
+    /// or are repeated, radiances beyond the range of f32, noise that is not positive.
     pub fn new(response: &Response, exposures_s: &[f64], noise: &SensorNoise) -> Result<Self> {
         if response.is_identity() {
             return Err(Error::usage(
@@ -183,8 +185,8 @@ impl ExposureMerge {
     /// Adds the frame of the exposure with this index. The first frame of a cycle sets its size.
     ///
     /// # Errors
-    /// `BadFrame`, after which the cycle goes on without the frame: radiance instead of codes, a mosaic,
-    /// another size than the cycle's, an exposure that is not one of this cycle or was added before.
+    /// `BadFrame`, after which the cycle goes on without the frame: radiance instead of codes, a mosaic, a
+    /// size other than the cycle's, an exposure that is not one of this cycle or was added before.
     pub fn add(&mut self, frame: &Frame, exposure: usize) -> Result<()> {
         let Pixels::Codes(codes) = &frame.pixels else {
             return Err(Error::bad_frame("holds radiance; exposures are merged from raw codes"));
@@ -238,8 +240,9 @@ impl ExposureMerge {
     }
 
     /// Writes the merged frame: radiance at an exposure of 1 s, finite and not negative, in the unit of the
-    /// response. What was saturated in the shortest exposure has the frame's `saturation`. The buffer is
-    /// reused when it fits; the stamp is left as it is. The next `add` begins a new cycle.
+    /// response. Samples that were saturated in the shortest exposure have the value of the frame's
+    /// `saturation`. The buffer is reused when it fits; the stamp is left as it is. The next `add` begins a
+    /// new cycle.
     ///
     /// # Errors
     /// `BadFrame`, naming the exposures that are missing; the cycle's frames are forgotten and `frame` is

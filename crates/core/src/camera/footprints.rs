@@ -3,9 +3,9 @@
 //! Neighbouring pixels share the polyline of the edge between them, so the polygons tile the field of view
 //! without gaps or overlaps. A pixel that the rim of the lens cuts is closed along the rim.
 //!
-//! Of a mosaic, the pixels of one place in its period of two columns and rows have the area of four about
-//! their own centres, and so tile the field of view by themselves. Those at the border of the frame end with
-//! it, on whichever side of it the four would: all places see the same field.
+//! In a mosaic, the pixels at one position in its period of two columns and two rows have the area of four
+//! pixels about their own centres, and so tile the field of view by themselves. At the border of the frame
+//! this area is cut or extended to end with the frame: all four positions see the same field.
 
 #[cfg(test)]
 mod tests;
@@ -16,17 +16,17 @@ use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Area between an edge and its polyline, relative to a pixel. Four edges bound the error of a pixel's power
-/// by 1.2e-4; opposite edges err alike, which leaves far less.
+/// by 1.2e-4; the errors of opposite edges largely cancel, which leaves far less.
 const EDGE_TOLERANCE: f64 = 3e-5;
 
-/// Frames with a side below this are walked in a finer lattice, so that every polygon is small against the
-/// sphere: half a turn between two corners would be ambiguous.
+/// Frames with a side below this are traversed on a finer lattice, so that every polygon is small compared
+/// with the sphere: half a turn between two corners would be ambiguous.
 const LATTICE_SIDE_MIN: usize = 32;
 
-/// The inside part of one pixel edge, from its left or upper corner.
+/// The part of one pixel edge inside the field of view, from its left or upper corner.
 #[derive(Clone, Copy, Debug, Default)]
 struct Edge {
-    /// End of its points in the row's list; they start where the last edge's end.
+    /// End of its points in the row's list; they start where those of the previous edge end.
     points_end: usize,
     /// Where the edge enters and leaves the field of view, as fractions of its length; `None` outside.
     part: Option<[f64; 2]>,
@@ -60,15 +60,15 @@ struct Corner {
     sky: SkyPoint,
 }
 
-/// Walks over the pixels of a projection.
+/// Traverses the pixels of a projection.
 pub(super) struct Footprints<'a> {
     projection: &'a Projection,
     world_from_camera: DMat3,
-    /// Column and row in the period of a mosaic of the pixels to walk over; `None`: all pixels.
+    /// Column and row, in the period of a mosaic, of the pixels to traverse; `None`: all pixels.
     place: Option<[usize; 2]>,
     /// Lattice cells per pixel and side.
     subdivision: usize,
-    /// Angle of the last ray: the next one is near.
+    /// Angle of the last ray, from which the search for the next one starts.
     theta_rad: f64,
 }
 
@@ -77,8 +77,8 @@ impl<'a> Footprints<'a> {
         Self { projection, world_from_camera, place: None, subdivision: 1, theta_rad: 0.0 }.subdivided()
     }
 
-    /// Only every second column and row, from a place in the period of a mosaic on: the pixels of a picture
-    /// of half the size. Width and height of the projection, a fisheye, are even.
+    /// Traverses only every second column and row, starting at a position in the period of a mosaic: the
+    /// pixels of a picture of half the size. Width and height of the projection, a fisheye, are even.
     pub(super) fn of_place(projection: &'a Projection, world_from_camera: DMat3, place: [usize; 2]) -> Self {
         Self { place: Some(place), ..Self::new(projection, world_from_camera) }.subdivided()
     }
@@ -88,7 +88,7 @@ impl<'a> Footprints<'a> {
         Self { subdivision: LATTICE_SIDE_MIN.div_ceil(width.min(height)), ..self }
     }
 
-    /// Width and height of the picture whose pixels are walked over.
+    /// Width and height of the picture whose pixels are traversed.
     pub(super) fn size(&self) -> [usize; 2] {
         let per_period = if self.place.is_some() { 2 } else { 1 };
         [self.projection.width() / per_period, self.projection.height() / per_period]
@@ -182,7 +182,7 @@ impl<'a> Footprints<'a> {
             }
     }
 
-    /// Appends the inside part of the edge between two neighbouring lattice points.
+    /// Appends the part inside the field of view of the edge between two neighbouring lattice points.
     fn edge(&mut self, from: [usize; 2], to: [usize; 2], corners: [Option<Corner>; 2], line: &mut EdgeLine) {
         let (start, end) = (self.position(from), self.position(to));
         let part = match (self.projection, corners) {
@@ -194,7 +194,7 @@ impl<'a> Footprints<'a> {
                 let world = self.world(start.lerp(end, t));
                 Corner { world, sky: SkyPoint::new(world) }
             };
-            // A corner that its neighbour edge uses too must be the same point to the last bit.
+            // A corner that a neighbouring edge also uses must be the same point to the last bit.
             let first = corners[0].filter(|_| enter == 0.0).unwrap_or_else(|| at(enter));
             let last = corners[1].filter(|_| leave == 1.0).unwrap_or_else(|| at(leave));
             let area_sr = match self.projection {
@@ -223,8 +223,8 @@ impl<'a> Footprints<'a> {
         theta_rad.sin() * step * TAU / (self.projection.width() * self.subdivision) as f64
     }
 
-    /// The closed outline of a lattice cell: above, right, below backwards, left backwards; between parts
-    /// that the rim cuts off, an arc of the rim.
+    /// The closed outline of a lattice cell: the upper and right edges forwards, the lower and left edges
+    /// backwards, and an arc of the rim between parts that the rim cuts off.
     fn outline(
         &self,
         cell: [usize; 2],
@@ -280,7 +280,7 @@ impl<'a> Footprints<'a> {
             m.y.atan2(m.x)
         });
         let arc_rad = (psi[1] - psi[0]).rem_euclid(TAU);
-        // The same point but for rounding, also from the other side.
+        // An arc of nearly 0 or nearly a full turn joins points that are the same up to rounding.
         if arc_rad > 1e-9 && arc_rad < TAU - 1e-9 {
             self.append_arc(lens, psi[0], arc_rad, polygon);
         }
@@ -313,8 +313,8 @@ impl<'a> Footprints<'a> {
 }
 
 /// Frame position, along one side of `count` pixels, of a position in the picture of every second pixel from
-/// `first` on: its pixels reach from half a pixel before the pixels that they stand for to half a pixel
-/// behind the next one, the outermost to the border of the frame.
+/// `first` on: its pixels reach from half a pixel before to half a pixel after the pixels of the frame that
+/// they stand for, the outermost ones to the border of the frame.
 fn position_of_place(position: f64, first: usize, count: usize) -> f64 {
     let last = count / 2;
     let border = |pixel: usize| match pixel {
@@ -332,7 +332,7 @@ fn append_polyline(polygon: &mut Vec<ChartPoint>, points: &[ChartPoint], backwar
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
     let start = if backwards { last } else { first };
     push_point(polygon, start[0], start[1]);
-    // A whole number of turns, without the rounding of the sum; nearly always none.
+    // A whole number of turns, without the rounding of the sum; it is nearly always 0.
     let shift = match polygon.last().map_or(0.0, |p| p[0] - start[0]) {
         shift if shift.abs() < 1.0 => 0.0,
         shift => (shift / TAU).round() * TAU,

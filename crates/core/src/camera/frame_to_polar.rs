@@ -6,8 +6,8 @@
 //! the equal-area cylinder where map pixels are rectangles (`overlap`).
 //!
 //! A frame is streamed once, in bands of rows that are turned into radiance in a buffer that stays in the
-//! second-level cache (`area_matrix`). A mosaic is not demosaiced: its pixels of one place make a picture of
-//! their own (`mosaic`), and every colour comes straight from the pixels that saw it.
+//! second-level cache (`area_matrix`). A mosaic is not demosaiced: its pixels at one position in the period
+//! form a picture of their own (`mosaic`), and every colour comes straight from the pixels that saw it.
 
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes, decode_radiance};
@@ -30,24 +30,25 @@ pub struct FrameToPolar {
     rec709_from_sensor: Option<ColourMatrix>,
     /// Radiance of the current band, one plane per channel of the frame.
     radiance: Vec<f32>,
-    /// Map under construction, one plane per channel. In f64: a map pixel may be the sum of thousands of
-    /// parts.
+    /// Map under construction, one plane per channel. It is in f64 because a map pixel may be the sum of
+    /// thousands of parts.
     sums: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
 enum Weights {
-    /// All channels of a pixel in one place.
+    /// Every pixel has all channels.
     Whole(Box<AreaMatrix>),
     Mosaic(Mosaic),
 }
 
 impl FrameToPolar {
-    /// Computes the matrix; seconds for millions of pixels. `world_from_camera` is a rotation; the default is
-    /// [`super::LOOKING_UP`] for a fisheye and the identity for a lat-long picture.
+    /// Computes the matrix, which takes seconds for millions of pixels. `world_from_camera` is a rotation;
+    /// the default is [`super::LOOKING_UP`] for a fisheye and the identity for a lat-long picture.
     ///
     /// # Errors
-    /// `Usage` for a matrix that is no rotation, and for frames beyond 65,535 a side or 2^27 pixels in all.
+    /// `Usage` for a matrix that is not a rotation, and for frames beyond 65,535 a side or 2^27 pixels in
+    /// all.
     pub fn new(projection: &Projection, world_from_camera: DMat3, shape: PolarShape) -> Result<Self> {
         let world_from_camera = check(projection, world_from_camera)?;
         let mut coverage_sr = vec![0.0; shape.len()];
@@ -56,9 +57,9 @@ impl FrameToPolar {
         Ok(Self::with_weights(projection, shape, Weights::Whole(Box::new(matrix)), &coverage_sr))
     }
 
-    /// The same for frames of a mosaic sensor, whose codes have one colour a pixel. A pixel of the frame
-    /// stands for the four pixels' area about its own centre, so the colours lie where they were seen, not
-    /// half a pixel apart; the two greens count half each.
+    /// The same for frames of a mosaic sensor, whose codes have one colour per pixel. A pixel of the frame
+    /// stands for the area of four pixels about its own centre, so the colours lie where they were seen, not
+    /// half a pixel apart; each of the two greens has half the weight.
     ///
     /// # Errors
     /// As [`Self::new`]; and `Usage` for a lat-long picture and for an odd number of columns or rows.
@@ -93,20 +94,20 @@ impl FrameToPolar {
         }
     }
 
-    /// Takes the frames' three channels for a sensor's own colours, and makes Rec. 709 of them.
+    /// Takes the frames' three channels as a sensor's own colours, and converts them to Rec. 709.
     #[must_use]
     pub fn with_colours(self, rec709_from_sensor: ColourMatrix) -> Self {
         Self { rec709_from_sensor: Some(rec709_from_sensor), ..self }
     }
 
-    /// The map that frames become.
+    /// The shape of the map that frames are turned into.
     pub fn shape(&self) -> PolarShape {
         self.shape
     }
 
     /// Fraction of every map pixel's solid angle that the frame sees, row-major. Where it is below 1, at the
-    /// rim of the lens, the map is dimmer by as much: the energy is kept, not made up. It is the same for all
-    /// colours of a mosaic.
+    /// rim of the lens, the map is dimmer by the same factor: energy is preserved, not made up. It is the
+    /// same for all colours of a mosaic.
     pub fn coverage(&self) -> &[f32] {
         &self.coverage
     }
@@ -121,12 +122,12 @@ impl FrameToPolar {
 
     /// Fills `map` from a frame of raw codes (through the response) or of linear radiance (as it is: the
     /// response is for codes) and gives it the frame's stamp. One channel fills all three. Returns the counts
-    /// of the pixels that hold no radiance, among those that the map sees; every pixel of a mosaic counts
-    /// once.
+    /// of the pixels that hold no valid radiance, among those that the map sees; every pixel of a mosaic
+    /// counts once.
     ///
-    /// Rounding stays below 1e-5 of every map pixel: weights and radiances are rounded once to f32, the sum
-    /// of a map pixel's part in a band 70 times at most, and those are added in f64; relative to the colours
-    /// before the colour matrix, if there is one. Allocates only when `map` has another shape.
+    /// Rounding stays below 1e-5 of every map pixel, relative to the colours before the colour matrix if
+    /// there is one: weights and radiances are rounded once to f32, the sum of a map pixel's part in a band
+    /// at most 70 times, and these sums are added in f64. Allocates only when `map` has another shape.
     ///
     /// # Errors
     /// `BadFrame`, naming what the frame has and what the calibration wants: size, channels, mosaic, samples,
@@ -160,7 +161,7 @@ impl FrameToPolar {
         if map.shape != self.shape || map.pixels.len() != self.shape.len() {
             *map = PolarMap::black(self.shape);
         }
-        // Weights that add up to 1 + 1e-7 may lift the largest f32 over the edge.
+        // Weights that add up to 1 + 1e-7 may exceed the range of f32.
         let round = |sum: f64| sum.min(f64::from(f32::MAX)) as f32;
         if channels == 1 {
             for (pixel, &sum) in map.pixels.iter_mut().zip(&self.sums) {
@@ -270,20 +271,22 @@ fn add_whole(
     counts
 }
 
-/// Refuses what no matrix can be made of, before anything is allocated for it, and gives the exact rotation.
+/// Refuses arguments from which no matrix can be made, before anything is allocated for it, and returns the
+/// exact rotation.
 fn check(projection: &Projection, world_from_camera: DMat3) -> Result<DMat3> {
     projection.check_size()?;
     rotation(world_from_camera)
 }
 
-/// Refuses what is no rotation, and takes the last digits' errors out of what nearly is one.
+/// Refuses a matrix that is not a rotation, and removes the rounding errors from one that nearly is.
 fn rotation(world_from_camera: DMat3) -> Result<DMat3> {
     let off = world_from_camera * world_from_camera.transpose() - DMat3::IDENTITY;
     let worst = off
         .to_cols_array()
         .into_iter()
         .fold(0.0f64, |worst, value| if value.is_nan() { f64::INFINITY } else { worst.max(value.abs()) });
-    // Files give rotations with six digits or more; what is further off is a scale, a shear or a mistake.
+    // Files give rotations with six digits or more; a matrix that is further off is a scale, a shear or a
+    // mistake.
     if worst > 1e-5 || world_from_camera.determinant() <= 0.0 {
         return Err(Error::usage(format!(
             "world_from_camera {:?} is not a rotation: its rows must be perpendicular unit vectors, \

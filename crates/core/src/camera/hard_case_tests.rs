@@ -140,7 +140,7 @@ fn lat_long_frames_keep_constants_and_power_upright_turned_and_with_centres_on_t
 
 #[test]
 fn an_upright_lat_long_picture_lands_a_quarter_turn_further() {
-    // File column u is phi = 2 pi u - pi / 2: +X stands a quarter into the file and at column 0 of the map.
+    // File column u is phi = 2 pi u - pi / 2: +X lies a quarter into the file and at column 0 of the map.
     let projection = Projection::LatLong { width: 16, height: 8, centres: LatLongCentres::Half };
     let shape = PolarShape::sphere(16, 8);
     let mut matrix = FrameToPolar::new(&projection, DMat3::IDENTITY, shape).unwrap();
@@ -177,7 +177,7 @@ fn one_pixel_of_1e8_over_a_dark_frame_keeps_its_power_and_the_dark_beside_it() {
     for (x, y) in [(300, 200), (0, 0), (1023, 511), (767, 255)] {
         let picture = lat_long(width, height, |i, j| if (i, j) == (x, y) { 1e8 } else { dark });
         let expected = 4.0 * PI * f64::from(dark) + (1e8 - f64::from(dark)) * pixel_sr(y);
-        // Down to a map of one pixel, the sum of half a million.
+        // The smallest map has one pixel, the sum of half a million.
         for shape in [PolarShape::sphere(360, 180), PolarShape::sphere(1, 1)] {
             let mut matrix = FrameToPolar::new(&projection, DMat3::IDENTITY, shape).unwrap();
             let mut map = PolarMap::black(shape);
@@ -185,7 +185,8 @@ fn one_pixel_of_1e8_over_a_dark_frame_keeps_its_power_and_the_dark_beside_it() {
             let power = map.power()[0];
             assert!((power / expected - 1.0).abs() < 1e-5, "{x} {y} {shape:?}: {power} {expected}");
             let lit = map.pixels.iter().filter(|pixel| (pixel[0] / dark - 1.0).abs() > 1e-4).count();
-            // A file pixel meets at most two columns and two rows, at a pole all that its width spans.
+            // A file pixel meets at most two columns and two rows, at a pole all columns that its width
+            // spans.
             assert!((1..=4).contains(&lit), "{x} {y}: {lit} pixels of the map are not dark");
         }
     }
@@ -193,7 +194,7 @@ fn one_pixel_of_1e8_over_a_dark_frame_keeps_its_power_and_the_dark_beside_it() {
 
 #[test]
 fn millions_of_frame_pixels_on_one_map_pixel_lose_no_small_ones_beside_1e8() {
-    // A quarter of the frame shines so bright that an f32 sum of it drops the rest.
+    // A quarter of the frame is so bright that a sum of the frame in f32 drops the rest.
     let (width, height) = (2048, 1024);
     let projection = Projection::LatLong { width, height, centres: LatLongCentres::Half };
     let mut matrix = FrameToPolar::new(&projection, DMat3::IDENTITY, PolarShape::sphere(1, 1)).unwrap();
@@ -254,7 +255,7 @@ fn nan_infinite_and_negative_samples_are_counted_and_give_no_light() {
     assert_eq!((counts.nan, counts.infinite, counts.negative), (2, 1, 4));
     assert_eq!((counts.saturated, counts.black_clipped), (0, 0));
     assert!(map.pixels.iter().flatten().all(|value| value.is_finite() && *value >= 0.0));
-    // All of it: every frame of the largest number is a map of it, never infinity.
+    // The whole frame: one filled with the largest number gives a map filled with it, never infinity.
     matrix.apply(&lat_long(64, 32, |_, _| f32::MAX), &Response::default(), &mut map).unwrap();
     assert!(map.pixels.iter().flatten().all(|value| value.is_finite() && *value > 3.4e38));
     let counts = matrix.apply(&lat_long(64, 32, |_, _| f32::NAN), &Response::default(), &mut map).unwrap();
@@ -314,7 +315,7 @@ fn matrices_that_are_no_rotation_and_absurd_sizes_are_refused() {
         let message = FrameToPolar::new(&projection, matrix, shape).unwrap_err().to_string();
         assert!(message.contains("not a rotation"), "{message}");
     }
-    // Six digits from a file are a rotation.
+    // A matrix that a file gives with six digits counts as a rotation.
     let rounded =
         DMat3::from_cols_array(&DMat3::from_rotation_x(0.5).to_cols_array().map(|v| (v * 1e6).round() / 1e6));
     assert!(FrameToPolar::new(&projection, rounded, shape).is_ok());

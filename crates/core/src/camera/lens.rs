@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// Numbers of a lens, as a calibration file gives them.
+/// Parameters of a lens, as a calibration file gives them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensParameters {
     /// Columns of the image.
@@ -32,14 +32,15 @@ pub struct LensParameters {
 }
 
 impl LensParameters {
-    /// The field of view of a calibration that declares none, in radians (full angle), and in words how far
-    /// it reaches: up to the angle at which r stops increasing, or to the farthest corner of the image,
-    /// whichever comes first, so that no pixel of the image is cut away; at most the full sphere.
-    /// [`Self::field_of_view_rad`] is ignored.
+    /// The field of view of a calibration that declares none, in radians (full angle), and in words what
+    /// limits it: the angle at which r stops increasing, or the farthest corner of the image, whichever comes
+    /// first, so that no pixel of the image is cut off; at most the full sphere. [`Self::field_of_view_rad`]
+    /// is ignored.
     pub fn default_field_of_view(&self) -> (f64, &'static str) {
         let polynomial = RadialPolynomial { k: self.k };
         let turning_rad = polynomial.turning_angle_rad();
-        // A millionth of a radian from the turning angle: closer to it the inverse loses its 1e-9 rad.
+        // A millionth of a radian from the turning angle: closer to it the inverse loses its accuracy of 1e-9
+        // rad.
         let limit_rad = turning_rad.map_or(PI, |turn_rad| turn_rad - 1e-6);
         let (width, height) = (self.width as f64, self.height as f64);
         let corner_radius = [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)]
@@ -182,8 +183,9 @@ impl Lens {
         self.radius_max
     }
 
-    /// Unit direction of a position in the normalised plane; radii beyond the rim count as the rim. Newton
-    /// starts from `theta_rad`, which becomes the angle found: walking along neighbours costs two steps each.
+    /// Unit direction of a position in the normalised plane; radii beyond the rim count as the rim. Newton's
+    /// method starts from `theta_rad`, which becomes the angle found: from one neighbour to the next it takes
+    /// two steps.
     pub(super) fn unproject_normalized(&self, normalized: DVec2, theta_rad: &mut f64) -> DVec3 {
         let radius = normalized.length();
         *theta_rad = if radius >= self.radius_max {
@@ -324,7 +326,8 @@ mod tests {
                 cx: number("cx") + 0.5,
                 cy: number("cy") + 0.5,
                 k: std::array::from_fn(|i| camera["k"][i].as_f64().unwrap()),
-                // The file rounds the angle at which r stops increasing up to a step of its search.
+                // In the file the angle at which r stops increasing is rounded up to a step of the search for
+                // it.
                 field_of_view_rad: 2.0 * (number("theta_max_monotonic_deg") - 0.01).to_radians(),
             })
             .unwrap();

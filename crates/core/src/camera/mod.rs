@@ -1,4 +1,4 @@
-//! What a camera's frame goes through: response, lens, the merge of exposures, and the matrix from frame to
+//! The processing of a camera's frame: response, lens, the merge of exposures, and the matrix from frame to
 //! polar map.
 //!
 //! Camera frame: +Z the optical axis, +X right, +Y down. `world_from_camera` is a rotation matrix; world is

@@ -1,11 +1,11 @@
 //! The four pictures in a frame of a mosaic sensor.
 //!
-//! The pixels of one place in the mosaic's period of two columns and rows make a picture of their own, half
-//! as wide and high. Its pixels have the area of four and the centre of the one that saw the light, so every
-//! picture tiles the field of view: constants and power are kept colour by colour, and no colour is moved
-//! against another. A picture of pixels that begin where the period begins would move it by half a pixel of
-//! the frame. At the border of the frame the pixels are cut or drawn out, so that all four pictures see the
-//! same field.
+//! The pixels at one position in the mosaic's period of two columns and two rows form a picture of their own,
+//! half as wide and half as high. Its pixels have the area of four and the centre of the one that saw the
+//! light, so every picture tiles the field of view: constants and power are preserved for every colour, and
+//! no colour is shifted against another. Pixels that began where the period begins would shift it by half a
+//! pixel of the frame. At the border of the frame the pixels are cut or extended, so that all four pictures
+//! see the same field.
 
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes_of_pairs};
@@ -29,7 +29,7 @@ pub(super) struct Mosaic {
 /// One of the four pictures.
 #[derive(Clone, Debug)]
 struct Plane {
-    /// Its place in the period.
+    /// Its position in the period.
     column: usize,
     row: usize,
     channel: usize,
@@ -37,8 +37,8 @@ struct Plane {
 }
 
 impl Mosaic {
-    /// Computes the weights; projection, rotation and map have been checked. What the frame sees of every map
-    /// pixel, with each of its colours, is added to `coverage_sr`.
+    /// Computes the weights; projection, rotation and map have been checked. The solid angle of every map
+    /// pixel that the frame sees with each of its colours is added to `coverage_sr`.
     pub(super) fn new(
         projection: &Projection,
         bayer: Bayer,
@@ -61,7 +61,7 @@ impl Mosaic {
         }
         let channels = bayer.channels();
         let mut planes = Vec::with_capacity(4);
-        // The four see the same, but for rounding.
+        // The four see the same, up to rounding.
         let mut seen_sr = vec![0.0; shape.len()];
         for place in 0..4 {
             let (column, row, channel) = (place % 2, place / 2, channels[place]);
@@ -95,8 +95,8 @@ impl Mosaic {
     ) -> PixelCounts {
         let cells = sums.len() / 3;
         let mut counts = PixelCounts::default();
-        // The four have bands alike. Band by band, so that the frame comes from memory once and not for every
-        // colour.
+        // The four have the same bands. They are processed band by band, so that the frame is read from
+        // memory once and not once per colour.
         for band in 0..self.planes[0].matrix.band_count() {
             for plane in &self.planes {
                 let first_pixel = plane.matrix.first_pixel(band);
@@ -114,7 +114,7 @@ impl Mosaic {
     }
 }
 
-/// A stretch of pixels of a picture, row by row.
+/// A range of pixels of a picture, row by row.
 fn split_at_rows(pixels: Range<usize>, width: usize) -> impl Iterator<Item = Range<usize>> {
     let (first, last) = (pixels.start / width, pixels.end.div_ceil(width));
     (first..last).map(move |row| pixels.start.max(row * width)..pixels.end.min((row + 1) * width))

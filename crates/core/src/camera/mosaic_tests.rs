@@ -1,4 +1,4 @@
-//! Mosaics through lens and polar map: constants, power, and the places of the colours.
+//! Mosaics through lens and polar map: constants, power, and the positions of the colours.
 
 use super::energy_tests::{frame, lens, pixel_solid_angle};
 use super::{
@@ -37,7 +37,7 @@ fn channel_of(bayer: Bayer, [x, y]: [usize; 2]) -> usize {
     bayer.channels()[y % 2 * 2 + x % 2]
 }
 
-/// The codes of a mosaic whose pixels see `code` of their channel and place.
+/// The codes of a mosaic whose pixels see `code` of their channel and position.
 fn mosaic(lens: &Lens, bayer: Bayer, code: impl Fn(usize, [usize; 2]) -> u16) -> Frame {
     let (width, height) = (lens.parameters().width, lens.parameters().height);
     let codes = (0..width * height).map(|index| {
@@ -76,7 +76,7 @@ fn tilted() -> DMat3 {
 #[test]
 fn a_constant_of_each_colour_stays_that_constant() {
     let codes = [2 * 4096, 3 * 4096 + 5, 777];
-    // Columns cut the circle at neither side, rows at both.
+    // The circle is not cut at the left and right, but at the top and bottom.
     let lens = lens(254, 190, 180.0);
     let lens = Lens::new(LensParameters { fx: 70.0, fy: 70.0, ..*lens.parameters() }).unwrap();
     for bayer in PATTERNS {
@@ -109,7 +109,8 @@ fn a_constant_of_each_colour_stays_that_constant() {
 fn a_lit_pixel_has_the_power_of_four_pixels_about_its_centre_in_its_own_colour() {
     let lens = lens(254, 190, 220.0);
     let whole = *lens.parameters();
-    // Moved by half a pixel, the four pixels' area about a pixel is that of it and its next neighbours.
+    // After a shift by half a pixel, the area of four pixels about a pixel is that of the pixel and its next
+    // neighbours.
     let moved = Lens::new(LensParameters { cx: whole.cx + 0.5, cy: whole.cy + 0.5, ..whole }).unwrap();
     let mut worst: f64 = 0.0;
     for bayer in PATTERNS {
@@ -143,21 +144,21 @@ fn a_lit_pixel_has_the_power_of_four_pixels_about_its_centre_in_its_own_colour()
 fn a_smooth_scene_is_that_of_a_frame_with_all_colours() {
     let lens = equidistant(512);
     let shape = PolarShape::hemisphere(72, 18);
-    // Radiances of which no direction sees more than a change of 1 per radian.
+    // Radiances that change by at most 1 per radian in every direction.
     let response = linear();
     let slopes = [DVec3::Z, DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.0, -1.0, 0.0)];
     let code = |channel: usize, [x, y]: [usize; 2]| {
         let centre = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-        // Beyond the rim as on it.
+        // Positions beyond the rim count as on it.
         let at = lens.normalized(centre);
         let ray = lens.unproject_normalized(at, &mut (0.25 * PI));
         response.encode((2.0 + slopes[channel].dot(ray)) as f32)
     };
     let mut matrix = FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).unwrap();
     let expected = apply(&mut matrix, &full_colour(&lens, code));
-    // A pixel is taken for its centre: wrong by at most the way to its corner, 1.5 pixels along both sides in
-    // a mosaic (at the border of the frame, 1 elsewhere), 0.5 otherwise. A step of a pixel turns by 1 / f at
-    // most. A code is rounded by half.
+    // A pixel is represented by its centre, which is off by at most the distance to its corner: 1.5 pixels
+    // along both sides in a mosaic (at the border of the frame, 1 elsewhere), 0.5 otherwise. A step of one
+    // pixel turns the ray by at most 1 / f. A code is rounded by at most a half.
     let bound = (1.5 + 0.5) * 2f64.sqrt() / lens.parameters().fx + 1.0 / 4096.0;
     for bayer in PATTERNS {
         let map = apply(&mut of_mosaic(&lens, bayer, LOOKING_UP, shape), &mosaic(&lens, bayer, code));
@@ -194,9 +195,9 @@ fn a_small_disc_stands_in_one_direction_in_all_colours() {
         let mut matrix = of_mosaic(&lens, bayer, LOOKING_UP, shape);
         for centre in [(180.0, 200.0), (333.5, 200.5), (180.3, 341.9), (341.75, 320.25)] {
             let centre = DVec2::from(centre);
-            // A soft disc of 8 pixels' radius: the centroid of its samples, every second pixel, is right
-            // within 0.0013 pixels (a sum over the samples alone, without lens and map), that of a hard one
-            // is not.
+            // A soft disc with a radius of 8 pixels: the centroid of its samples, every second pixel, is
+            // accurate to 0.0013 pixels (a sum over the samples alone, without lens and map); that of a hard
+            // disc is not.
             let disc = |_, [x, y]: [usize; 2]| {
                 let away = (DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - centre).length() / 8.0;
                 if away < 1.0 { (15_000.0 * (1.0 + (PI * away).cos()).powi(2)) as u16 } else { 0 }
@@ -254,7 +255,7 @@ fn colours_of_the_sensor_become_rec_709_in_mosaics_and_whole_frames() {
     let lens = lens(128, 96, 180.0);
     let shape = PolarShape::hemisphere(36, 9);
     let matrix = ColourMatrix::new([[2.0, -0.5, 0.0], [0.25, 1.0, 0.0], [-1.0, -1.0, 1.5]]).unwrap();
-    // Of (1, 2, 1.5): (1, 2.25, -0.75), the last below zero.
+    // The colour (1, 2, 1.5) becomes (1, 2.25, -0.75), whose last component is below zero.
     let code = |channel: usize, _| [4096, 8192, 6144][channel];
     let whole = FrameToPolar::new(&Projection::Fisheye(lens), LOOKING_UP, shape).unwrap();
     let frames = [(whole, full_colour(&lens, code))].into_iter().chain(

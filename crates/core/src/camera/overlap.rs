@@ -9,7 +9,7 @@ pub(super) struct OverlapGrid {
     columns: usize,
     /// cos theta of the row edges, from 1 down.
     z_edges: Vec<f64>,
-    /// Row of the last polygon's top: neighbours start there.
+    /// Row of the last polygon's top, where the search for that of a neighbour starts.
     row: usize,
     /// Overlaps of the cells in the window of the current polygon, row-major.
     window: Vec<f64>,
@@ -27,7 +27,7 @@ impl OverlapGrid {
 
     /// Calls `emit(cell, solid_angle_sr)` for every pixel of the map that a closed polygon (first point =
     /// last point, `integral z dphi` positive) overlaps, and returns the polygon's solid angle, 0 where the
-    /// map has none of it.
+    /// polygon lies outside the map.
     ///
     /// Green's theorem cell by cell: the overlap with a cell between z_low and z_high is the integral of
     /// `clamp(z, z_low, z_high) - z_low` over the boundary's dphi inside the cell's columns. Every boundary
@@ -42,7 +42,7 @@ impl OverlapGrid {
         }
         let total_sr: f64 = polygon.windows(2).map(|p| 0.5 * (p[0][1] + p[1][1]) * (p[1][0] - p[0][0])).sum();
         let rows = self.z_edges.len() - 1;
-        // Negative or no area: a sliver of rounding. Below the map's rim: not seen.
+        // A polygon without positive area is a sliver from rounding; one below the map's rim is not seen.
         if polygon.len() < 4 || total_sr.is_nan() || total_sr <= 0.0 || z_high <= self.z_edges[rows] {
             return 0.0;
         }
@@ -81,8 +81,8 @@ impl OverlapGrid {
                 }
             }
         }
-        // Columns may come twice where the window goes all round: the caller adds them up. Slivers that only
-        // rounding made join the largest part, so that nothing is lost.
+        // Columns may occur twice where the window goes all the way round: the caller adds them up. Slivers
+        // that come only from rounding are added to the largest part, so that nothing is lost.
         let (mut largest, mut slivers) = (0, 0.0);
         for index in 0..self.window.len() {
             if self.window[index] > self.window[largest] {
@@ -117,10 +117,10 @@ impl OverlapGrid {
     }
 }
 
-/// Overlaps below this fraction of the frame's pixel are rounding, not light: 1e-9 of a sun of 1e6 is 1e-3;
+/// Overlaps below this fraction of the frame's pixel are rounding, not light: 1e-9 of a sun of 1e6 is 1e-3.
 const SLIVER: f64 = 1e-9;
 
-/// provided that they are nothing to the map's pixel either, which may be far smaller than the frame's.
+/// They must also be below this fraction of the map's pixel, which may be far smaller than the frame's.
 const SLIVER_OF_CELL: f64 = 1e-6;
 
 /// Mean of `clamp(z, 0, height)` for z going linearly from a to b.

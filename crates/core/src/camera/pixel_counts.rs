@@ -1,6 +1,6 @@
-/// Pixels of one frame that do not hold what they saw. Counted per pixel (a pixel of three channels counts
-/// once where any of them is affected), among the pixels that the polar map sees: corners outside the lens's
-/// circle are always black and would drown the rest.
+/// Pixels of one frame that do not hold the radiance that they saw. They are counted per pixel (a pixel of
+/// three channels counts once where any of them is affected), among the pixels that the polar map sees:
+/// corners outside the lens's circle are always black and would dominate the counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PixelCounts {
     /// At or above the saturation code, or the frame's saturation: brighter than the sensor can tell.

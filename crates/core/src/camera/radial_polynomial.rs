@@ -34,7 +34,8 @@ impl RadialPolynomial {
     }
 
     /// The angle in [0, theta_max] whose radius is `radius`, which must lie in [0, r(theta_max)], where r
-    /// increases up to theta_max. Newton from `guess_rad`, held inside a bracket that every step shrinks.
+    /// increases up to theta_max. Newton's method from `guess_rad`, kept inside a bracket that every step
+    /// shrinks.
     pub fn invert(&self, radius: f64, theta_max_rad: f64, guess_rad: f64) -> f64 {
         let (mut low, mut high) = (0.0, theta_max_rad);
         let mut theta = if guess_rad > low && guess_rad < high { guess_rad } else { 0.5 * (low + high) };
@@ -51,8 +52,8 @@ impl RadialPolynomial {
             let next = if newton >= low && newton <= high { newton } else { 0.5 * (low + high) };
             let step = (next - theta).abs();
             theta = next;
-            // Newton squares its error times r'' / 2 r', which is 1e6 at most (see the default field of
-            // view): what is left after this step is below 1e-16.
+            // A step of Newton's method squares the error and multiplies it by r'' / 2 r', which is 1e6 at
+            // most (see the default field of view): the error after this step is below 1e-16.
             if step <= 1e-11 {
                 break;
             }

@@ -38,10 +38,10 @@ pub enum ResponseModel {
     },
 }
 
-/// Number of codes that 16 bits have.
+/// Number of 16-bit codes.
 pub(super) const CODES: usize = 1 << 16;
 
-/// A checked response: the table of radiance by raw code, and the codes that say nothing.
+/// A checked response: the table of radiance by raw code, and the limits of the clipped codes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
     model: ResponseModel,
@@ -51,7 +51,7 @@ pub struct Response {
     saturation_code: u16,
 }
 
-/// What turns codes into radiance, and tells which of them say nothing.
+/// The table that turns codes into radiance, and the limits of the clipped codes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CodeLookup<'a> {
     /// Radiance by code.
@@ -79,7 +79,7 @@ impl Response {
     ///
     /// # Errors
     /// `Usage`, naming the key: numbers that are not finite, slopes that are not positive, clip codes or
-    /// knees out of order, and models whose largest radiance no f32 holds.
+    /// knees out of order, and models whose largest radiance is beyond the range of f32.
     pub fn new(model: ResponseModel) -> Result<Self> {
         let (black_clip_code, saturation_code) = match &model {
             ResponseModel::Identity => return Ok(Self::default()),
@@ -153,7 +153,7 @@ impl Response {
         if self.is_identity() { &[] } else { &self.table[..=usize::from(self.saturation_code)] }
     }
 
-    /// The look-up of every code; of no use for the identity.
+    /// The look-up of every code; meaningless for the identity.
     pub(super) fn lookup(&self) -> CodeLookup<'_> {
         CodeLookup {
             radiance: &self.table,
@@ -184,7 +184,7 @@ impl Response {
     }
 }
 
-/// A table of what `value` gives for every code.
+/// A table of `value` for every code.
 fn by_code(value: impl Fn(u16) -> f32) -> Box<[f32; CODES]> {
     let table: Box<[f32]> = (0..=u16::MAX).map(value).collect();
     table.try_into().expect("as many as there are codes")

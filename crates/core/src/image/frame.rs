@@ -72,15 +72,15 @@ pub struct Frame {
     pub channels: usize,
     /// Colours of the pixels of a mosaic sensor, whose frames have 1 channel; `None` for all others.
     pub bayer: Option<Bayer>,
-    /// Radiance from which a sample is known to be too low, because its sensor was saturated; infinite where
-    /// none is, and without meaning for codes, whose response tells.
+    /// Radiance from which on a sample is known to be too low, because its sensor was saturated; infinite
+    /// where there is no such limit, and meaningless for codes, where the response gives the limit.
     pub saturation: f32,
     /// `width * height * channels` samples.
     pub pixels: Pixels,
 }
 
 impl Frame {
-    /// Becomes a copy of `other`; allocates only when it has not held as much before.
+    /// Becomes a copy of `other`; allocates only when it has never held as much before.
     pub fn copy_from(&mut self, other: &Self) {
         let Self { stamp, width, height, channels, bayer, saturation, pixels } = other;
         (self.stamp, self.width, self.height, self.channels, self.bayer, self.saturation) =

@@ -13,17 +13,17 @@ pub struct PolarShape {
 }
 
 impl PolarShape {
-    /// Most pixels along a side. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses slips
-    /// of the finger before they ask for all memory.
+    /// Most pixels along a side. METHODS section 10 asks for 8192 x 2048; this leaves room and refuses typing
+    /// errors before they use up all memory.
     pub const MAX_SIDE_PX: usize = 16_384;
-    /// Most pixels in all: 1.5 GiB of radiance. Numbers of pixels stay far inside u32.
+    /// Most pixels in all: 1.5 GiB of radiance. Pixel counts stay far within u32.
     pub const MAX_PIXELS: usize = 1 << 27;
-    /// The lowest rim in degrees. Rows are told apart by the cosine of their angles in f64: at this limit 90
-    /// rows still have their solid angles within 1e-6. Directions are unit vectors in f32, good to 1e-7: in a
-    /// narrower map they would lie on a raster of less than ten thousand steps.
+    /// The lowest rim in degrees. Rows differ in the cosine of their angles in f64: at this limit the solid
+    /// angles of 90 rows are still accurate to 1e-6. Directions are unit vectors in f32, accurate to 1e-7: in
+    /// a narrower map they would lie on a grid of fewer than ten thousand steps.
     const LEAST_THETA_MAX_DEG: f64 = 0.1;
 
-    /// A map of so many azimuth steps over the full turn and so many polar-angle steps from the pole to
+    /// A map of `columns` azimuth steps over the full turn and `rows` polar-angle steps from the pole to
     /// `theta_max_rad`.
     ///
     /// # Errors
@@ -50,7 +50,7 @@ impl PolarShape {
         Ok(Self { columns, rows, theta_max_rad })
     }
 
-    /// The upper hemisphere, for sizes that are known to be sound.
+    /// The upper hemisphere, for sizes that are known to be valid.
     ///
     /// # Panics
     /// Where [`Self::new`] would fail.
@@ -58,7 +58,7 @@ impl PolarShape {
         Self::known(columns, rows, PI / 2.0)
     }
 
-    /// The full sphere, for sizes that are known to be sound.
+    /// The full sphere, for sizes that are known to be valid.
     ///
     /// # Panics
     /// Where [`Self::new`] would fail.
@@ -99,7 +99,7 @@ impl PolarShape {
     /// Height `z = 1 - cos theta` at a row: a whole number is the row's upper edge, and half more its centre.
     #[inline]
     pub fn height(&self, row: f64) -> f64 {
-        // This form keeps its digits near the pole.
+        // This form keeps its accuracy near the pole.
         2.0 * (0.5 * self.theta_max_rad * row / self.rows as f64).sin().powi(2)
     }
 
@@ -136,7 +136,7 @@ impl PolarShape {
 
 /// Incident radiance by polar angle (rows) and azimuth (columns), row-major, linear RGB (Rec. 709).
 ///
-/// Every value is finite and >= 0: whoever fills a map counts and leaves out what is not.
+/// Every value is finite and >= 0: code that fills a map counts and leaves out all other values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PolarMap {
     /// Time and place in the sequence.

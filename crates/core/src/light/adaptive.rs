@@ -1,21 +1,21 @@
-//! Lights for sequences that need no switch: persistent ones, dominant peaks apart, idle ones moved to where
-//! they help.
+//! Lights for all kinds of sequences, without a setting for each kind: persistent lights, with dominant peaks
+//! kept apart and idle lights moved to where they help.
 //!
-//! A slot of the list is a *site*, whose cell of the map is its light, or a *peak*, or it rests and has no
-//! power. Sites are the last frame's light directions (METHODS section 6, persistent lights): frame by frame
-//! they relax, as Lloyd's steps do. A peak that appears takes the slot of the site nearest to it, which held
-//! its light so far; where it is gone the slot is a site again, in its place. So no light is kept for what a
-//! scene may not have.
+//! A slot of the list is a *site*, whose light is that of its cell of the map, or a *peak*, or it rests and
+//! has no power. Sites are the last frame's light directions (METHODS section 6, persistent lights): frame by
+//! frame they relax, as in Lloyd's algorithm. A new peak takes the slot of the site nearest to it, which has
+//! held its light so far; when the peak is gone, the slot becomes a site again, in the same direction. So no
+//! light is reserved for peaks that a scene may not have.
 //!
-//! Relaxation alone ends where it began: after a cut sites crowd where there was light before. In every frame
-//! a few sites may be taken, those that would be missed least, to split the cells that gain most, if the gain
-//! is well above the loss (as in the enhanced LBG algorithm of Patane and Russo 2001). In the currency of
-//! both, the *distortion* of a cell of flux F and first moment V is `F - |V|`, the integral of `1 - cos a`, a
-//! the angle from its light. They move together, after a cut or whatever else makes several moves worth
-//! while: a light that hands over its power shows for as long as the filter is, if faintly, and a scene that
-//! goes on as it was is better left as it is.
+//! Relaxation alone depends on where it began: after a cut, sites crowd where there was light before. In
+//! every frame a few sites, those whose removal costs least, may be taken to split the cells that gain most,
+//! if the gain is well above the loss (as in the enhanced LBG algorithm of Patane and Russo 2001). Both are
+//! measured by *distortion*: that of a cell of flux F and first moment V is `F - |V|`, the integral of `1 -
+//! cos a` with a the angle from its light. Several sites move together, after a cut or another change that
+//! makes several moves worthwhile: a light that hands over its power is visible, if faintly, for the length
+//! of the filter, and a scene that has not changed is better left as it is.
 //!
-//! Where fewer lights are wanted, those that would be missed least rest; they come back to split the widest
+//! Where fewer lights are wanted, those whose removal costs least rest; they come back to split the widest
 //! cells.
 
 use super::Light;
@@ -24,24 +24,24 @@ use super::refine::Share;
 use crate::image::{PolarMap, PolarShape};
 use glam::{DVec3, Vec3};
 
-/// Slots for one that may be moved in a frame, and the most that are.
+/// Number of slots for each one that may be moved in a frame, and the most that are moved.
 const SLOTS_PER_MOVE: usize = 8;
 const MOST_MOVES: usize = 256;
-/// Slots for one of the moves that must be worth while together. A single one among lamps that flicker at 9.5
-/// Hz makes the filtered lists flicker five times as much for the length of the filter.
+/// Number of slots for each of the moves that must be worthwhile together. A single move among lamps that
+/// flicker at 9.5 Hz makes the filtered lists flicker five times as much for the length of the filter.
 const SLOTS_PER_LEAST_MOVE: usize = 32;
 
-/// How much less distortion two halves of an even disc have than the whole: their centres are 4 r / 3 pi away
-/// from its own, of a mean square radius of r^2 / 2.
+/// Part of the distortion of an even disc that is gained by splitting it into halves: their centroids are 4 r
+/// / 3 pi from its centre, and its mean square radius is r^2 / 2.
 const SPLIT_GAIN: f64 = 0.36;
 
-/// By how much a move must gain more than it loses.
+/// Factor by which the gain of a move must exceed its loss.
 const WORTH: f64 = 8.0;
 
-/// How long a slot rests before it may come back elsewhere: longer than the default filter is, whatever the
-/// frame rate (a test of the room `temporal` holds it to that), so that no filtered light is on its way from
-/// one place to another. A filter with a longer delay than the default would let one cross for the rest of
-/// its length, with the power that fades.
+/// How long a slot rests before it may come back elsewhere: longer than the default filter at any frame rate
+/// (which a test of the module `temporal` checks), so that no filtered light moves from one direction to
+/// another. With a filter longer than the default, a light would move across for the rest of the filter's
+/// length, with fading power.
 pub(crate) const REST_S: f64 = 0.4;
 
 /// Follows one sequence of maps.
@@ -49,7 +49,7 @@ pub(crate) const REST_S: f64 = 0.4;
 pub(super) struct Adaptive {
     slots: Vec<Slot>,
     peaks: Peaks,
-    /// How many slots are to be sites or peaks.
+    /// How many slots should be sites or peaks.
     wanted: usize,
     /// How many were in the last list.
     used: usize,
@@ -100,7 +100,7 @@ impl Adaptive {
         }
     }
 
-    /// Sets how many lights are to be used from the next frame on, at most as many as there are slots.
+    /// Sets how many lights should be used from the next frame on, at most as many as there are slots.
     pub(super) fn want(&mut self, lights: usize) {
         self.wanted = lights;
     }
@@ -110,10 +110,10 @@ impl Adaptive {
         self.used
     }
 
-    /// Writes the lights of the next map, one a slot. Their sum is the RGB power of the map.
+    /// Writes the lights of the next map, one per slot. Their sum is the RGB power of the map.
     ///
-    /// `seed` fills its vector with a site for each slot; it is asked until a map has light. `shares` sums
-    /// up, over the cells of sites, what peaks leave of the map.
+    /// `seed` fills its vector with a site for each slot; it is called until a map has light. `shares` sums
+    /// the map without its peaks over the cells of the sites.
     pub(super) fn step<'a>(
         &mut self,
         map: &PolarMap,
@@ -131,7 +131,8 @@ impl Adaptive {
             self.slots.clear();
             let site = |&direction| Slot { direction, role: Role::Site, share: Share::default() };
             self.slots.extend(self.sites.iter().map(site));
-            // The first ones, so that short prefixes have them: nothing is there yet to take them from.
+            // Peaks take the first slots, so that short prefixes have them: no site has held their light so
+            // far.
             for (slot, peak) in self.slots.iter_mut().zip(peaks) {
                 slot.take(peak);
             }
@@ -166,31 +167,31 @@ impl Adaptive {
             self.is_seeded |= light.irradiance != [0.0; 3];
         }
         if self.is_seeded {
-            // A rate that is not known counts as one frame.
+            // With an unknown frame rate, slots rest for one frame.
             self.arrange(((REST_S * map.stamp.frame_rate_hz).ceil() as u64).max(1));
         }
     }
 
-    /// Takes sites that would be missed least, and splits the widest cells with what has rested, for the next
-    /// frame.
+    /// Takes the sites whose removal costs least, and splits the widest cells with slots that have rested,
+    /// for the next frame.
     fn arrange(&mut self, rest_frames: u64) {
         self.candidates.clear();
         self.candidates.extend(self.site_slots.iter().map(|&slot| {
             let share = &self.slots[slot].share;
             let (flux, distortion) = (share.luminous_flux(), share.luminous_flux() - share.moment.length());
-            // Below that part of the flux it is rounding: the light of a single pixel.
+            // Below this part of the flux the distortion is rounding: the light comes from a single pixel.
             Candidate { slot, distortion: if distortion > 1e-9 * flux { distortion } else { 0.0 } }
         }));
         self.candidates.sort_unstable_by(Candidate::order);
         let most = (self.slots.len() / SLOTS_PER_MOVE).clamp(1, MOST_MOVES);
-        // At most half may go, from one end of the order; the widest stand at the other.
+        // At most half may be taken, from one end of the order; the widest are at the other.
         let spare_count = (2 * most).min(self.candidates.len() / 2);
         let (spare, rest) = self.candidates.split_at_mut(spare_count);
 
         let used = self.used;
         let wanted = self.wanted.min(self.slots.len());
         let mut wide = rest.iter().rev().filter(|wide| wide.distortion > 0.0);
-        // What has rested comes back where more are wanted; beyond that slots rest on.
+        // Slots that have rested come back where more are wanted; the others continue to rest.
         let rested = |slot: &Slot| matches!(slot.role, Role::Rest(frames) if frames >= rest_frames);
         let mut more = wanted.saturating_sub(used).min(most);
         for number in 0..self.slots.len() {
@@ -202,12 +203,12 @@ impl Adaptive {
         }
         let fewer = used.saturating_sub(wanted).min(most).min(spare.len());
         let least = (self.slots.len() / SLOTS_PER_LEAST_MOVE).max(2);
-        // NaN, of radiances near the largest, is worth nothing.
+        // NaN, which comes from radiances near the largest f32, is never worthwhile.
         let is_worth = |(spare, wide): &(&Candidate, &Candidate)| {
             SPLIT_GAIN * wide.distortion > WORTH * spare.distortion
         };
-        // A cell that is as wide as most is missed as most are: where nothing has changed the losses, of
-        // which each takes a look at all sites, need not be known.
+        // A cell's distortion is a first estimate of its loss: where nothing has changed, too few moves are
+        // worthwhile by it, and the losses, each of which takes a pass over all sites, need not be computed.
         if fewer == 0 && spare.iter().zip(wide.clone()).take_while(is_worth).count() < least {
             return;
         }
@@ -246,12 +247,12 @@ fn unit(direction: DVec3) -> [f32; 3] {
     direction.as_vec3().to_array()
 }
 
-/// Gives every peak its slot: that of the peak it was, or of the nearest site, or of one that rests where a
-/// single site is left, as the rest of the map needs one. There are at most an eighth as many peaks as slots.
-/// Slots whose peak is gone become sites. `new` is scratch memory.
+/// Gives every peak its slot: the one it had as a peak in the last frame, or that of the nearest site, or a
+/// resting one where only one site is left, which the rest of the map needs. There are at most an eighth as
+/// many peaks as slots. Slots whose peak is gone become sites. `new` is scratch memory.
 fn follow(slots: &mut [Slot], peaks: &[Peak], new: &mut Vec<usize>) {
     new.clear();
-    // A peak has flux: one whose share is empty was not found again yet.
+    // A peak has flux: one whose share is empty has not been found again yet.
     for slot in slots.iter_mut().filter(|slot| slot.role == Role::Peak) {
         slot.share = Share::default();
     }
@@ -283,7 +284,7 @@ fn follow(slots: &mut [Slot], peaks: &[Peak], new: &mut Vec<usize>) {
     }
 }
 
-/// The slot, of some, that is nearest to a direction.
+/// The eligible slot that is nearest to a direction.
 fn nearest(slots: &mut [Slot], at: DVec3, is_eligible: impl Fn(&Slot) -> bool) -> Option<&mut Slot> {
     let cosine = |slot: &Slot| slot.direction_f64().dot(at);
     let eligible = slots.iter_mut().filter(|slot| is_eligible(slot));
@@ -298,8 +299,8 @@ fn loss(slots: &[Slot], site_slots: &[usize], slot: usize) -> f64 {
     slots[slot].share.luminous_flux() * f64::from(1.0 - nearest).max(0.0)
 }
 
-/// Makes two sites of the cell `wide`, half its spread to either side of its light: that of its slot, and
-/// that of the slot `other` on the side where it was.
+/// Splits the cell `wide` into two sites, half its spread to either side of its light: one in its own slot,
+/// and one in the slot `other`, on the side where that slot was.
 fn split(slots: &mut [Slot], wide: &Candidate, other: usize) {
     let (at, from) = (slots[wide.slot].direction_f64(), slots[other].direction_f64());
     let across = at.cross(from).cross(at).try_normalize().unwrap_or_else(|| at.any_orthonormal_vector());

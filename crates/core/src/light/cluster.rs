@@ -8,29 +8,30 @@ use super::refine::Share;
 /// because discs do not tile.
 const COVERING_FACTOR: f64 = 1.85;
 
-/// Place of a light in a cluster's list where it has none.
+/// Index of the cluster of a light that has none.
 const NO_CLUSTER: u32 = u32::MAX;
 
-/// Joins `lights` with similar directions to at most `most` lights.
+/// Joins `lights` with similar directions into at most `most` lights.
 ///
 /// In the order of the list, the first light that has no cluster yet founds one and gathers all others
 /// without one whose direction is within `epsilon = 1.85 asin(sqrt(2 / most))` of its own: the angle at which
-/// `most` clusters cover a hemisphere (166 degrees for a `most` of 1 and 2, where the sine would pass 1).
-/// Lights that cover more than a hemisphere, or lie awkwardly, can leave some over when `most` clusters
-/// stand; those join the cluster whose founder is nearest, the first of equally near ones. What founds a
-/// cluster depends on the order alone, not on powers, and the order is steady in time; so are the clusters.
+/// `most` clusters cover a hemisphere (166 degrees for a `most` of 1 and 2, where the sine would pass 1). If
+/// the lights cover more than a hemisphere or lie unfavourably, some may be left over when there are `most`
+/// clusters; those join the cluster whose founder is nearest, the first of equally near ones. Which lights
+/// found clusters depends on their order alone, not on their powers; the order is stable in time, and so are
+/// the clusters.
 ///
 /// A cluster becomes one light: powers add, direction and spread are the flux-weighted ones of
 /// [`prefix`](super::prefix()), and the `id` is that of the founder. A cluster of one is that light bit for
-/// bit. Lights without power (no channel above 0) have no cluster. Joining goes by angle also where `lights`
-/// are no more than `most`: a growing budget then never changes the picture at once. A `most` of 0 gives no
-/// lights.
+/// bit. Lights without power (no channel above 0) have no cluster. Lights are joined by angle even where
+/// there are no more than `most` of them, so that a growing budget never changes the picture abruptly. A
+/// `most` of 0 gives no lights.
 ///
-/// `clusters` receives the lights in the order of their founders, `places` for each of `lights` its cluster's
-/// index, `u32::MAX` for none. Both are the caller's storage; nothing else is allocated.
+/// `clusters` receives the lights in the order of their founders, `places` receives for each of `lights` its
+/// cluster's index, `u32::MAX` for none. Both are the caller's storage; nothing else is allocated.
 ///
 /// The paper searches with a tree. This compares every founder with every light: 0.02 ms for 300 lights and
-/// 72 clusters, a fiftieth of the published time (`make bench`), so that a tree has nothing left to win.
+/// 72 clusters, a fiftieth of the published time (`make bench`), so that a tree would gain nothing.
 pub fn cluster(lights: &[Light], most: usize, clusters: &mut Vec<Light>, places: &mut Vec<u32>) {
     clusters.clear();
     places.clear();
@@ -60,8 +61,8 @@ pub fn cluster(lights: &[Light], most: usize, clusters: &mut Vec<Light>, places:
             }
         }
     }
-    // Until here each cluster is its founder: directions of founders are what all the others were compared
-    // with.
+    // Up to here each cluster equals its founder, because all other lights are compared with the founders'
+    // directions.
     for (place, cluster) in clusters.iter_mut().enumerate() {
         let (mut share, mut count) = (Share::default(), 0);
         for (light, _) in lights.iter().zip(places.iter()).filter(|&(_, &other)| other == place as u32) {

@@ -3,11 +3,11 @@
 use crate::image::PolarShape;
 use std::f64::consts::PI;
 
-/// Appends to `members` the pixels that hang together with `start` (eight neighbours). The map is closed in
-/// azimuth, and all pixels at a pole touch each other.
+/// Appends to `members` the pixels that are connected with `start` (eight neighbours). The map wraps around
+/// in azimuth, and all pixels at a pole touch each other.
 ///
 /// `close` says whether a pixel belongs to the component and has not been seen before, and remembers it; it
-/// is not asked for `start`. `stack` is scratch memory.
+/// is not called for `start`. `stack` is scratch memory.
 pub fn collect_component(
     shape: PolarShape,
     start: usize,

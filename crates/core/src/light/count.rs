@@ -1,27 +1,27 @@
 //! How many lights a scene needs: as many as keep the error below a target, within a budget of time.
 //!
-//! Both are regulated one step at a time with a dead band, so that a scene that stands still keeps its
-//! number: what overshoots is answered in the next frame, what has become too much is given up after half a
-//! second of calm, or sooner where it is far too much.
+//! Both are regulated one step at a time with a dead band, so that a static scene keeps its number of lights:
+//! the next frame reacts to a limit that is exceeded, and lights that are no longer needed are given up after
+//! half a second of calm, or sooner where there are far too many.
 
-/// A step is this part of the lights that are in use. Larger ones the lights that are left would not make up
-/// for at once.
+/// A step is the number of lights in use divided by this. The remaining lights could not make up for a larger
+/// step at once.
 const STEPS: usize = 16;
 
-/// From this part of the target or the budget upwards nothing is changed: for two steps, and for a time that
-/// swings.
+/// From this part of the target or the budget upwards nothing changes: this leaves room for two steps, and
+/// for a fluctuating time.
 const DEAD_BAND: f64 = 0.85;
 const TIME_DEAD_BAND: f64 = 0.7;
-/// Below this part of the target, which is many steps away, the lights that are left need not be waited for
-/// longer than they take to settle.
+/// Below this part of the target, which is many steps away, it is enough to wait until the remaining lights
+/// have settled.
 const FAR_BELOW: f64 = 0.6;
 const SETTLE_S: f64 = 0.2;
 
-/// How long it must have been calm else before there may be fewer lights, or more within the budget.
+/// How long it must otherwise have been calm before there may be fewer lights, or more within the budget.
 const CALM_S: f64 = 0.5;
 
-/// Where a number is held because fewer were too few, by what factor the error must change, either way, to
-/// tell that the scene is another.
+/// Where a number is held because fewer lights were too few: the factor by which the error must change, up or
+/// down, to show that the scene has changed.
 const OTHER_SCENE: f64 = 2.0;
 
 /// The fewest lights that are chosen.
@@ -36,14 +36,14 @@ pub(super) struct Count {
     /// What the error asks for, and what the budget allows.
     wanted: usize,
     allowed: usize,
-    /// A number that was tried and was too few: one light more or less may leap over the dead band, as where
-    /// each lamp of a hall has one.
+    /// A number of lights that was tried and was too low: one light more or less may jump across the dead
+    /// band, as where each lamp of a hall has one light.
     too_few: usize,
-    /// Part of the target that the error was when the number was first held because of that.
+    /// The error, as a part of the target, when the number was first held for that reason.
     held_ratio: Option<f64>,
     /// Frames since lights were last given up.
     tried_age: u64,
-    /// Whether the error was above the target in the last frame, because of that.
+    /// Whether the error was above the target in the last frame, and whether that was the reason.
     is_above: bool,
     is_too_few: bool,
     /// Frames since the error, and the time, were last in or above the dead band.
@@ -52,8 +52,8 @@ pub(super) struct Count {
 }
 
 impl Count {
-    /// For lists of so many slots; `None` where there is neither a target nor a budget and nothing is to be
-    /// chosen.
+    /// For lists of `slots` slots; `None` where there is neither a target nor a budget, so that there is
+    /// nothing to choose.
     pub(super) fn new(slots: usize, error_target: Option<f32>, budget_ms: Option<f64>) -> Option<Self> {
         let count = Self {
             slots,
@@ -72,25 +72,25 @@ impl Count {
         (error_target.is_some() || budget_ms.is_some()).then_some(count)
     }
 
-    /// Whether [`Self::saw_error`] is of use.
+    /// Whether [`Self::saw_error`] needs to be called.
     pub(super) fn needs_error(&self) -> bool {
         self.error_target.is_some()
     }
 
-    /// Whether [`Self::saw_time`] is of use.
+    /// Whether [`Self::saw_time`] needs to be called.
     pub(super) fn has_budget(&self) -> bool {
         self.budget_ms.is_some()
     }
 
-    /// How many lights the next list is to use.
+    /// How many lights the next list should use.
     pub(super) fn lights(&self) -> usize {
         self.wanted.min(self.allowed)
     }
 
-    /// Takes the error of a list of which `used` lights are used.
+    /// Takes the error of a list that uses `used` lights.
     pub(super) fn saw_error(&mut self, error: f32, used: usize, frame_rate_hz: f64) {
         let Some(target) = self.error_target else { return };
-        // What the budget does not allow is not asked for again and again.
+        // Lights that the budget does not allow are not requested again and again.
         let (lights, ratio) = (self.lights(), f64::from(error / target));
         self.calm_error = if ratio < DEAD_BAND { self.calm_error + 1 } else { 0 };
         self.tried_age = self.tried_age.saturating_add(1);
@@ -98,14 +98,14 @@ impl Count {
             if !self.is_above {
                 self.is_too_few = self.tried_age <= frames(CALM_S, frame_rate_hz);
                 if !self.is_too_few {
-                    // What was too few for an easier scene says nothing.
+                    // A number that was too low for an easier scene says nothing about this one.
                     self.too_few = 0;
                 }
             }
             if self.is_too_few {
                 self.too_few = used.min(lights);
             }
-            // Lights that were asked for come when they have rested; until then no more are.
+            // Lights that were requested come when they have rested; until then no more are requested.
             if used >= lights {
                 self.wanted = more(lights, self.slots);
             }
@@ -132,8 +132,8 @@ impl Count {
         let ratio = time_ms / budget_ms;
         self.calm_time = if ratio < TIME_DEAD_BAND { self.calm_time + 1 } else { 0 };
         if ratio > 1.0 {
-            // Time does not fall in proportion: the map costs what it costs. One step is enough for one
-            // frame.
+            // The time does not fall in proportion, because the map has a fixed cost. One step per frame is
+            // enough.
             self.allowed = fewer(self.lights(), self.slots);
         } else if self.calm_time >= frames(CALM_S, frame_rate_hz) {
             self.allowed = more(self.allowed, self.slots);
@@ -142,7 +142,7 @@ impl Count {
     }
 }
 
-/// A rate that is not known counts as one frame.
+/// With an unknown frame rate, any time is one frame.
 fn frames(seconds: f64, frame_rate_hz: f64) -> u64 {
     ((seconds * frame_rate_hz).ceil() as u64).max(1)
 }
@@ -174,7 +174,7 @@ mod tests {
             }
             let (last, error) = (history[999], start_error / history[999] as f32);
             assert!(history[500..].iter().all(|&lights| lights == last), "{start_error}: {last}");
-            // As few as there are, or as many, or in the dead band.
+            // Either it is the lowest or the highest number, or the error is in the dead band.
             assert!(
                 error <= 0.003 && (error >= 0.8 * 0.003 || last == FEWEST) || last == 256,
                 "{start_error}: {last} lights, error {error}"

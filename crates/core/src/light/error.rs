@@ -1,5 +1,5 @@
 //! The error that every list carries: relative RMS difference between the irradiances of the lights and of
-//! the map over the 300 normals of METHODS section 9, by means cheap enough for every frame.
+//! the map over the 300 normals of METHODS section 9, computed cheaply enough for every frame.
 //!
 //! With `max(0, c) = (c + |c|) / 2` the irradiance at a normal n is `(S(n) + n . V) / 2`, where `V = sum f w`
 //! and `S(n) = sum f |n . w|`.
@@ -14,7 +14,7 @@ use multiversion::multiversion;
 pub const NORMAL_COUNT: usize = 300;
 /// Normals evaluated side by side.
 pub(super) const LANES: usize = 16;
-/// Terms summed in f32 before they go to an f64 sum: so few lose less than 1e-6 of their sum.
+/// Terms summed in f32 before they go to an f64 sum: so few terms lose less than 1e-6 of their sum.
 const TERMS_IN_F32: usize = 64;
 
 /// Light that arrives from an angular extent about one direction.
@@ -40,7 +40,7 @@ impl Contribution {
     }
 }
 
-/// The normals, and the irradiances there of what was summed up last.
+/// The normals, and the irradiances there of the contributions that were summed last.
 #[derive(Clone, Debug)]
 pub(super) struct NormalSphere {
     x: Vec<[f32; LANES]>,
@@ -96,7 +96,7 @@ fn sum_body(
     })
 }
 
-/// Sums over `terms` of what `term` gives for every lane.
+/// Sums of `term` over `terms` for every lane.
 #[inline(always)]
 pub(super) fn sum_terms<T>(terms: &[T], term: impl Fn(&T, usize) -> f32) -> [f64; LANES] {
     let mut sums = [0.0f64; LANES];
@@ -140,14 +140,15 @@ impl ListError {
         }
     }
 
-    /// Fills in the error and the prefix errors of a list whose lights and reference irradiances stand.
+    /// Fills in the error and the prefix errors of a list whose lights and reference irradiances are
+    /// complete.
     pub fn measure(&mut self, referenced: &mut ReferencedList) {
         let ReferencedList { list, reference_irradiance } = referenced;
         self.prefix_errors(&list.lights, reference_irradiance, &mut list.prefix_errors);
         list.error = list.prefix_errors.last().map(|&(_, error)| error);
     }
 
-    /// RMS over the normals of the irradiance of `lights` less `reference`, relative to the mean of
+    /// RMS over the normals of the irradiance of `lights` minus `reference`, relative to the mean of
     /// `reference` (which is [`ReferencedList::reference_irradiance`], luminous). Where the reference is
     /// dark, relative to the mean of the lights; 0 where both are. An empty reference gives 0. Never above
     /// `f32::MAX`.

@@ -58,8 +58,8 @@ impl Extractor {
     }
 
     /// Fills in the list of `map`: stamp, lights in slot order, their power, and the map's irradiances. Its
-    /// errors come last, by [`super::error::ListError::measure`]: the filter measures every list that it lets
-    /// out, so they are not worked out here only to be replaced.
+    /// errors come last, by [`super::error::ListError::measure`]: the filter measures every list that it
+    /// outputs, so they are not computed here only to be replaced.
     ///
     /// Equal-power lights keep the luminous power of the map, the others its RGB power. A map without light
     /// gives lights without power: towards uniform directions, or, persistent and adaptive, where they were.
@@ -79,7 +79,7 @@ impl Extractor {
         }
     }
 
-    /// Whether [`Self::took`] is of use.
+    /// Whether [`Self::took`] needs to be called.
     pub fn has_budget(&self) -> bool {
         matches!(&self.method, Method::Adaptive { count: Some(count), .. } if count.has_budget())
     }
@@ -130,7 +130,7 @@ impl Method {
         }
     }
 
-    /// Writes the lights of a map, one a slot.
+    /// Writes the lights of a map, one per slot.
     fn extract(&mut self, map: &PolarMap, lights: &mut Vec<Light>) {
         match self {
             Self::EqualPower { seeds, sites } => {

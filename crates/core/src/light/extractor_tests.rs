@@ -1,5 +1,5 @@
 //! Extractor on real and awkward maps: power, degenerate input; errors against METHODS' tables are in the
-//! program's report, methods of others beside them.
+//! program's report, beside those of other methods.
 
 use super::error::ListError;
 use super::occlusion::OcclusionError;
@@ -97,7 +97,7 @@ fn all_black_map_gives_uniform_directions_without_power() {
     for sampler in SAMPLERS {
         let list = extract(&map, 144, sampler);
         assert_eq!(list.error, Some(0.0));
-        // By the inverse transform: uniform but for the points' own evenness.
+        // By the inverse transform: uniform up to the unevenness of the points themselves.
         check_dark(&format!("{sampler:?}"), &list, [0.02, 0.01, 0.02]);
     }
 }
@@ -148,8 +148,8 @@ fn counts_beyond_reason_are_refused() {
     assert!(refused(&Options { relaxation_steps: 101, ..Options::default() }).to_string().contains("101"));
 }
 
-/// How many lights are chosen for a map that stands still for 40 seconds, with the errors of the last list:
-/// that by which they are chosen, and that of irradiance.
+/// How many lights are chosen for a map that stays the same for 40 seconds, with the errors of the last list:
+/// the one by which they are chosen, and that of irradiance.
 fn chosen(map: &PolarMap, error_target: f32) -> (u32, [f32; 2]) {
     let options = Options { count: 512, error_target: Some(error_target), ..Options::default() };
     let (mut extractor, mut list) = (Extractor::new(map.shape, &options).unwrap(), ReferencedList::default());
@@ -159,7 +159,7 @@ fn chosen(map: &PolarMap, error_target: f32) -> (u32, [f32; 2]) {
     for frame in 0..1000 {
         extractor.step(&map, &mut list);
         let chosen = list.list.chosen_lights.unwrap();
-        // Hysteresis: settled, the number stays.
+        // Hysteresis: once settled, the number stays.
         assert!(frame < 900 || chosen == last, "frame {frame}: {last}, {chosen}");
         last = chosen;
     }
@@ -177,7 +177,7 @@ fn errors(map: &PolarMap, list: &LightList) -> [f32; 2] {
     ]
 }
 
-/// The error by which lights are chosen, of `count` adaptive lights of a map that stands still.
+/// The error by which lights are chosen, of `count` adaptive lights of a static map.
 fn error_of(map: &PolarMap, count: u32) -> f32 {
     let options = Options { count: count as usize, ..Options::default() };
     let (mut extractor, mut list) = (Extractor::new(map.shape, &options).unwrap(), LightList::default());
@@ -217,7 +217,7 @@ fn an_overcast_sky_gets_few_lights_and_a_hall_of_lamps_many() {
         count
     });
     assert!(counts[0] <= 20 && counts[1] <= 20, "{counts:?}");
-    // Of 120 pairs may share one.
+    // With 120 lamps, pairs of them may share a light.
     assert!((30..=40).contains(&counts[2]) && (60..=130).contains(&counts[3]), "{counts:?}");
 }
 
@@ -229,7 +229,7 @@ fn as_many_lights_are_chosen_as_keep_the_error_below_the_target_and_no_more() {
             let (count, [error, _]) = chosen(&map, target);
             println!("{name}, error below {target}: {count} of 512 lights, error {error:.5}");
             assert!(error <= target, "{name}: {count} {error}");
-            // Half of them, even if they had stood where they stand from the start.
+            // Half as many lights, even if there had been that many from the start.
             halves.push(f64::from(error_of(&map, count / 2) / target));
             count
         });

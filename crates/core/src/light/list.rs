@@ -50,7 +50,8 @@ pub struct LightList {
     pub lights: Vec<Light>,
 }
 
-/// A list with what its error is measured against: what the extractor gives and the filter takes and gives.
+/// A list with the reference against which its error is measured: the output of the extractor, and both input
+/// and output of the filter.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReferencedList {
     /// The list.

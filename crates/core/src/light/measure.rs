@@ -64,7 +64,7 @@ impl Emitters {
         self.irradiance.push(irradiance);
     }
 
-    /// Fills up to whole groups of lanes with emitters of no power.
+    /// Pads to whole groups of lanes with emitters without power.
     fn pad(mut self) -> Self {
         while !self.x.len().is_multiple_of(LANES) {
             self.push(DVec3::Y, 0.0);
@@ -121,8 +121,8 @@ impl Emitters {
     }
 }
 
-/// Means over each of `cells` x `cells` square cells of the ground of what `value` is at `points` x `points`
-/// points (x, z) of it.
+/// Means of `value` over each of `cells` x `cells` square cells of the ground, taken at `points` x `points`
+/// points (x, z) of a cell.
 fn ground_points(cells: usize, points: usize, value: impl Fn(f64, f64) -> f64) -> Vec<f64> {
     let steps = cells * points;
     let coordinate = |i: usize| GROUND_HALF_SIDE * ((2 * i + 1) as f64 / steps as f64 - 1.0);
@@ -156,7 +156,8 @@ pub struct Errors {
     pub glossy: f64,
 }
 
-/// What a map gives at the points where errors are measured: compute once, compare many lists.
+/// The values of a map at the points where errors are measured: computed once, for comparison with many
+/// lists.
 pub struct Reference {
     irradiance: Vec<f64>,
     shadow: Vec<f64>,
@@ -207,7 +208,7 @@ mod tests {
             assert!((emitters.irradiance(normal) / PI - 1.0).abs() < 1e-4);
             assert!((emitters.glossy(normal) - 1.0).abs() < 1e-4);
         }
-        // Far from the sphere the ground sees almost the whole sky; at the contact point nothing of it.
+        // Far from the sphere the ground sees almost the whole sky; at the contact point it sees none of it.
         assert!((emitters.ground_irradiance(1e4, 0.0) / PI - 1.0).abs() < 1e-4);
         assert!(emitters.ground_irradiance(0.0, 0.0) < 1e-9);
         // Form factor of a sphere of radius r whose centre is at height h = r and distance d: r^2 h / d^3.

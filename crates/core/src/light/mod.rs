@@ -1,9 +1,9 @@
 //! From a polar map to a short list of directional lights (METHODS section 6).
 //!
 //! [`Extractor`] is the stage's algorithm: it places sites by importance sampling or takes those of the last
-//! frame, gives every pixel to its nearest site and sums the cells up to lights. Of adaptive lights dominant
-//! peaks are taken apart before. [`prefix`] and [`cluster`] shorten a list, [`Regions`] sort it by what a
-//! normal or a cone needs of it.
+//! frame, gives every pixel to its nearest site and sums the cells up to lights. For adaptive lights,
+//! dominant peaks are separated first. [`prefix`] and [`cluster`] shorten a list, [`Regions`] find the lights
+//! of it that a normal or a cone needs.
 
 mod adaptive;
 mod cluster;

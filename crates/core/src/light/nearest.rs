@@ -244,7 +244,7 @@ fn compare(candidates: &[Candidate], block: &Block, tables: &Tables, nearest: &m
             }
             let mut best = [f32::NEG_INFINITY; LANES];
             let mut index = [0; LANES];
-            // Copied out: a choice between places in memory would be made lane by lane.
+            // Copied to local variables: a choice between memory locations would not be vectorised.
             for &Candidate { direction: [x, y, z], index: candidate } in candidates {
                 for lane in 0..LANES {
                     let dot = px[lane] * x + cos_theta * y + pz[lane] * z;

@@ -1,12 +1,11 @@
-//! How wrong a list is beside things that hide part of the light: the error by which the number of lights is
-//! chosen.
+//! The error of a list beside objects that hide part of the light, by which the number of lights is chosen.
 //!
-//! For each of the 300 normals of METHODS section 9 the light in front of the plane through the point: what a
-//! wall leaves of it. The plane's edge is soft by [`EDGE_HALF_WIDTH_RAD`] to either side, as an edge is that
-//! one sees, and lights are as wide as their spread. So an even sky, which throws no edges, takes few lights,
-//! while lamps, each with shadows of its own, take about one for each or for a close pair. The error of
-//! irradiance ([`super::error`]) cannot tell them apart: it counts lights as directions, and is largest for
-//! an even sky, of which every surface's horizon cuts a part.
+//! It compares, for each of the 300 normals of METHODS section 9, the light in front of the plane through the
+//! point, which is what a wall leaves of it. The plane's edge is soft by [`EDGE_HALF_WIDTH_RAD`] to either
+//! side, like edges that one sees, and lights are as wide as their spread. So an even sky, which casts no
+//! shadow edges, needs few lights, while lamps, each with shadows of its own, need about one for each or for
+//! a close pair. The error of irradiance ([`super::error`]) cannot tell them apart: it treats lights as
+//! directions, and is largest for an even sky, part of which is cut off by every surface's horizon.
 
 use super::Light;
 use super::error::{Contribution, LANES, NORMAL_COUNT, NormalSphere, relative_rms, sum_terms};
@@ -25,7 +24,7 @@ pub(super) struct OcclusionError {
     of_lights: Vec<f32>,
 }
 
-/// Flux that comes evenly from some angle to either side of a direction, as a plane crosses it.
+/// Flux spread evenly over some angle to either side of a direction, across the edge of a plane.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     /// The direction, divided by the whole angle.
@@ -41,15 +40,15 @@ impl Extent {
 
     /// A block of a map, whose vector is shorter than its flux by less than a thousandth.
     fn of_block(block: &Contribution) -> Option<Self> {
-        // Squares of the largest and the smallest fluxes are no f32.
+        // Squares of the largest and the smallest fluxes are beyond the range of f32.
         let vector = DVec3::from(block.vector.map(f64::from));
         let (direction, flux) = (vector.try_normalize()?, vector.length());
         let half_width_rad = (f64::from(block.half_width) / flux) as f32;
         Some(Self::new(direction.as_vec3(), half_width_rad, flux as f32))
     }
 
-    /// A disc of the light's spread: the even extent of the variance that it has along one axis, half that of
-    /// both.
+    /// A disc of the light's spread, replaced by the even extent with the disc's variance along one axis,
+    /// half that along both.
     fn of_light(light: &Light) -> Option<Self> {
         let flux = light.luminance();
         let half_width_rad = 1.5f32.sqrt() * light.spread_rad;
@@ -62,7 +61,7 @@ impl OcclusionError {
         Self { normals: NormalSphere::new(), extents: Vec::new(), of_map: Vec::new(), of_lights: Vec::new() }
     }
 
-    /// RMS over the planes of what the lights leave in front of them less what the blocks of the map do,
+    /// RMS over the planes of the flux of the lights in front of them minus that of the blocks of the map,
     /// relative to the mean; 0 where both are dark. Never above `f32::MAX`.
     pub(super) fn relative_error(&mut self, lights: &[Light], blocks: &[Contribution]) -> f32 {
         self.extents.clear();

@@ -12,7 +12,7 @@ pub enum Sampler {
     Refined,
     /// As refined, about the directions of the last frame.
     Persistent,
-    /// As persistent, with dominant peaks apart and idle lights moved to where they help. For sequences.
+    /// As persistent, with dominant peaks kept apart and idle lights moved to where they help. For sequences.
     #[default]
     Adaptive,
 }
@@ -27,11 +27,11 @@ pub struct Options {
     pub sampler: Sampler,
     /// Steps of Lloyd's relaxation of the sample points, 0 to 100, at start-up.
     pub relaxation_steps: usize,
-    /// Use only as many of the lights as keep the occlusion error below this: of the light in front of 300
-    /// planes, whose edges are soft by 3 degrees to either side, RMS relative to the mean, with lights as
-    /// wide as their spread. Adaptive lights only.
+    /// Use only as many of the lights as keep the occlusion error below this: the RMS error, relative to the
+    /// mean, of the light in front of 300 planes whose edges are soft by 3 degrees to either side, with
+    /// lights as wide as their spread. Adaptive lights only.
     pub error_target: Option<f32>,
-    /// Use only as many of the lights as are made in this time, in ms a frame; adaptive lights only.
+    /// Use only as many of the lights as can be computed in this time, in ms per frame; adaptive lights only.
     pub budget_ms: Option<f64>,
 }
 
@@ -49,11 +49,11 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Whether lights can be extracted so.
+    /// Checks whether lights can be extracted with these options.
     ///
     /// # Errors
     /// `Usage`, naming the key, for a count of 0 or above [`MAX_LIGHTS`], for more than 100 relaxation steps,
-    /// and for a target or a budget that is not a number above 0 or is asked of other lights than adaptive
+    /// and for a target or a budget that is not a number above 0 or is set for lights other than adaptive
     /// ones.
     pub fn check(&self) -> Result<()> {
         let Self { count, sampler, relaxation_steps, error_target, budget_ms } = *self;
@@ -104,7 +104,7 @@ mod tests {
         };
         assert_eq!(options, expected);
         assert_eq!(toml::from_str::<Options>("").unwrap(), Options::default());
-        // Methods of others are for comparison, not for a sequence.
+        // The methods of others are for comparison, not for a sequence.
         for text in ["cuont = 3", "sampler = \"median-cut\"", "inversion = \"standard\""] {
             let message = toml::from_str::<Options>(text).unwrap_err().to_string();
             assert!(message.contains(text.split(' ').next().unwrap()), "{message}");

@@ -1,10 +1,10 @@
 //! Dominant peaks: the sun, the Moon, a lamp as lights of their own (METHODS section 6).
 //!
 //! In the cell of a site a small source is averaged with the sky about it: the light's direction is pulled
-//! towards the middle of the cell, by more as the source grows dim, and a strong one draws many sites to
-//! itself. Here connected pixels above a limit give what they have *above* it to a light of their own; up to
-//! the limit they stay in the map. Giving away whole pixels instead would move the light by jumps as pixels
-//! cross the limit: on the Moon behind passing cloud, over 0.5-degree pixels, up to 0.13 degrees instead of
+//! towards the middle of the cell, the more so the dimmer the source is, and a strong source attracts many
+//! sites. Here connected pixels above a limit give the part *above* it to a light of their own; the part up
+//! to the limit stays in the map. Giving away whole pixels instead would make the light jump as pixels cross
+//! the limit: for the Moon behind passing cloud, over 0.5-degree pixels, by up to 0.13 degrees instead of
 //! 0.03.
 
 use super::components::collect_component;
@@ -21,28 +21,29 @@ use std::ops::Range;
 /// glow about the Moon, where 3 to 5 serve equally well.
 const LIMIT: f64 = 4.0;
 
-/// Up to which RMS angle about its direction a component is one source for any number of lights ...
+/// Up to this RMS angle about its direction a component is one source, for any number of lights.
 const LEAST_SPREAD_MAX_RAD: f64 = PI / 180.0;
-/// ... and in spreads of an even cell of the hemisphere, which is 1 / sqrt(n) for n lights: a wider source is
-/// better shared by several lights.
+/// So it is up to this part of the spread of an even cell of the hemisphere, which is 1 / sqrt(n) for n
+/// lights: a wider source is better shared by several lights.
 const SPREAD_MAX_OF_CELL: f64 = 0.25;
 
-/// A peak holds this many equal shares of the map's power, or this part of it if that is less ...
+/// A peak holds at least this many equal shares of the map's power, or this part of the power if that is
+/// less.
 const SHARES: f64 = 16.0;
 const PART_OF_POWER: f64 = 0.125;
-/// ... or it holds this many equal shares, and this part of all that the map has above the limit: the one
-/// Moon over a hazy sky, which may hold a thousandth of the light, but not the lamps of a hall, which would
-/// come and go as they flicker.
+/// Alternatively it holds this many equal shares, and this part of all that the map has above the limit: the
+/// one Moon over a hazy sky, which may hold a thousandth of the light, but not the lamps of a hall, which
+/// would come and go as they flicker.
 const LEAST_SHARES: f64 = 1.0 / 64.0;
 const PART_OF_EXCESS: f64 = 0.5;
 
-/// By how much a peak that is known may fall short of all this, so that it does not come and go.
+/// Factor by which a known peak may fall short of all these limits, so that it does not come and go.
 const EASE: f64 = 2.0;
 
 /// Largest step of a peak from one frame to the next.
 pub(super) const STEP_MAX_RAD: f64 = 6.0 * PI / 180.0;
 
-/// Pixels of a row that are passed over together where none of them can be above the limit.
+/// Pixels of a row that are skipped together where none of them can be above the limit.
 const STRETCH: usize = 64;
 
 /// Finds the peaks of one map after another.
@@ -51,7 +52,7 @@ pub(super) struct Peaks {
     shape: PolarShape,
     light_count: usize,
     most: usize,
-    /// Largest value of any channel in every stretch of a row: no luminance in it is above that, but for
+    /// Largest value of any channel in every stretch of a row: no luminance in it is above that, up to
     /// rounding.
     largest: Vec<f32>,
     is_open: Vec<bool>,
@@ -61,7 +62,7 @@ pub(super) struct Peaks {
     stack: Vec<usize>,
     members: Vec<usize>,
     found: Vec<Peak>,
-    /// The rows that have peaks, without them, and which those are.
+    /// Copies of the rows that have peaks, without the peaks, and the numbers of these rows.
     dimmed: Vec<[f32; 3]>,
     is_dimmed: Vec<bool>,
 }
@@ -70,7 +71,7 @@ pub(super) struct Peaks {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest<'a> {
     map: &'a PolarMap,
-    /// Rows that take the place of the map's.
+    /// Rows that replace those of the map.
     dimmed: &'a [[f32; 3]],
     is_dimmed: &'a [bool],
 }
@@ -93,19 +94,19 @@ impl<'a> Rest<'a> {
     }
 }
 
-/// One of them.
+/// A dominant peak.
 #[derive(Clone, Debug)]
 pub(super) struct Peak {
-    /// What it has above the limit.
+    /// Its part above the limit.
     pub(super) share: Share,
-    /// Where to, a unit vector.
+    /// Its direction, a unit vector.
     pub(super) direction: DVec3,
     flux: f64,
     members: Range<usize>,
 }
 
 impl Peaks {
-    /// For maps of one shape and lists of so many lights, of which at most an eighth are peaks.
+    /// For maps of one shape and lists of `light_count` lights, of which at most an eighth are peaks.
     pub(super) fn new(shape: PolarShape, light_count: usize) -> Self {
         let most = light_count / 8;
         Self {
@@ -125,7 +126,7 @@ impl Peaks {
     }
 
     /// The peaks of the map, brightest first, and the map without them: together they are the map, in power
-    /// and colour. `is_known` says whether there was one in about a direction in the last frame.
+    /// and colour. `is_known` says whether there was a peak near a direction in the last frame.
     pub(super) fn find<'a>(
         &'a mut self,
         map: &'a PolarMap,
@@ -139,7 +140,7 @@ impl Peaks {
             let limit = LIMIT * mean;
             let excess = self.open(map, limit);
             let least = Least::new(self.light_count, power, excess);
-            // Less than this is no peak at all, whatever pixels it is made of.
+            // Less than this cannot be a peak, whatever pixels it consists of.
             if excess >= least.known_flux() {
                 for place in 0..self.opened.len() {
                     if self.is_open[self.opened[place]] {
@@ -169,7 +170,7 @@ impl Peaks {
 
     /// Opens the pixels above the limit and gives the luminous power that they have above it.
     fn open(&mut self, map: &PolarMap, limit: f64) -> f64 {
-        // What no component took last time.
+        // Pixels that no component took last time.
         for index in self.opened.drain(..) {
             self.is_open[index] = false;
         }
@@ -268,13 +269,13 @@ impl Least {
         self.flux / EASE
     }
 
-    /// Whether a component of some flux and first moment is a peak. NaN, of radiances near the largest, is
-    /// none.
+    /// Whether a component of some flux and first moment is a peak. NaN, which comes from radiances near the
+    /// largest f32, is not.
     fn allows(&self, flux: f64, moment: f64, is_known: impl FnOnce() -> bool) -> bool {
         let is = |least_flux: f64, cos_spread: f64| {
             flux > 0.0 && flux >= least_flux && moment >= cos_spread * flux
         };
-        // A starry sky has thousands of components that would not do in either case.
+        // A starry sky has thousands of components that fail in either case.
         is(self.flux, self.cos_spread) || (is(self.known_flux(), self.cos_known_spread) && is_known())
     }
 }
@@ -284,7 +285,7 @@ pub(super) fn is_a_step(a: DVec3, b: DVec3) -> bool {
     angle_between(a, b) <= STEP_MAX_RAD
 }
 
-/// What a pixel has above the limit.
+/// The part of a pixel above the limit.
 fn excess_of(map: &PolarMap, index: usize, limit: f64) -> Share {
     let (row, column) = (index / map.shape.columns(), index % map.shape.columns());
     let rgb = map.pixels[index].map(f64::from);
@@ -299,7 +300,7 @@ fn excess_of(map: &PolarMap, index: usize, limit: f64) -> Share {
 /// RGB sum of a row, and the largest value of each of its stretches.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn sum_and_largest(pixels: &[[f32; 3]], largest: &mut [f32]) -> [f64; 3] {
-    // Values as they lie in memory, in whole pixels, so that each lane keeps its channel.
+    // Values are read as they lie in memory, in whole pixels, so that each lane keeps its channel.
     const PIXELS: usize = 8;
     let mut lanes = [0.0f64; 3 * PIXELS];
     for (largest, stretch) in largest.iter_mut().zip(pixels.chunks(STRETCH)) {

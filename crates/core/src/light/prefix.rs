@@ -2,13 +2,13 @@ use super::Light;
 use super::refine::Share;
 use multiversion::multiversion;
 
-/// Lights that look for their head together: enough for every vector unit.
+/// Lights whose heads are searched for together: enough for every vector unit.
 const LANES: usize = 16;
 
-/// Heads that are compared before it is known whether farther ones matter.
+/// Heads that are compared between checks whether farther ones matter.
 const STEP: usize = 8;
 
-/// By how much a dot product of f32 may be off, and by how much more a head must lose to be passed over.
+/// By how much a dot product in f32 may be off, and by how much more a head must lose to be skipped.
 const SLACK: f32 = 4e-6;
 
 /// The first `count` of `lights`, with every later light joined to the nearest of them (METHODS section 6).
@@ -20,7 +20,7 @@ const SLACK: f32 = 4e-6;
 /// without power keep their direction until something with power joins them.
 ///
 /// A `count` of 0 gives no lights; one of at least the number of lights gives them as they are. `joined` is
-/// the caller's storage. Frame after frame, [`Prefixes`] keeps its memory.
+/// the caller's storage. [`Prefixes`] keeps its memory from frame to frame.
 pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
     Prefixes::default().prefix(lights, count, joined);
 }
@@ -30,13 +30,13 @@ pub fn prefix(lights: &[Light], count: usize, joined: &mut Vec<Light>) {
 pub struct Prefixes {
     by_height: Vec<Place>,
     shares: Vec<Share>,
-    /// Of one prefix: heads and all others by height, and what joins each head.
+    /// For one prefix: heads and all other lights by height, and what joins each head.
     heads: Vec<Place>,
     others: Vec<Place>,
     joining: Vec<Share>,
 }
 
-/// Where a light stands.
+/// The direction of a light, and its index.
 #[derive(Clone, Copy, Debug, Default)]
 struct Place {
     direction: [f32; 3],
@@ -71,7 +71,7 @@ impl Prefixes {
         self.join(lights, count, joined, |light, head| heads[light] = head);
     }
 
-    /// Takes up the lights of which prefixes are to be made.
+    /// Loads the lights whose prefixes are made next.
     pub(super) fn load(&mut self, lights: &[Light]) {
         let place =
             |(index, light): (usize, &Light)| Place { direction: light.direction, index: index as u32 };
@@ -106,7 +106,7 @@ impl Prefixes {
             }
         }
         for ((head, joining), own) in joined.iter_mut().zip(&self.joining).zip(&self.shares) {
-            // Otherwise not even rounded anew.
+            // Otherwise the head stays as it is and is not even rounded again.
             if joining.flux != [0.0; 3] {
                 let mut share = *own;
                 share.add(joining);
@@ -115,9 +115,9 @@ impl Prefixes {
         }
     }
 
-    /// Parts the lights into the first `count` and the others, in the order of height.
+    /// Splits the lights into the first `count` and the others, in the order of height.
     fn part(&mut self, count: usize) {
-        // Both lists take every light and keep it or not: a branch would be a guess for each.
+        // Every light is written to both lists and kept in one of them: a branch would often be mispredicted.
         self.heads.resize(self.by_height.len(), Place::default());
         self.others.resize(self.by_height.len(), Place::default());
         let (mut head_count, mut other_count) = (0, 0);
@@ -141,8 +141,8 @@ fn is_short(lights: &[Light], count: usize) -> bool {
 /// For up to [`LANES`] lights of about the same height the index of the nearest head; the lowest of equally
 /// near ones.
 ///
-/// Heads stand in the order of height. Directions whose heights differ by h have a dot product of at most
-/// `1 - h^2 / 2`: once that is less than what was found, those beyond are no nearer.
+/// Heads are in the order of height. Directions whose heights differ by h have a dot product of at most `1 -
+/// h^2 / 2`: once that is less than what was found, those beyond are no nearer.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 fn nearest_heads(heads: &[Place], lights: &[Place]) -> [u32; LANES] {
     // Lanes without a light repeat the last.
@@ -170,7 +170,7 @@ fn nearest_heads(heads: &[Place], lights: &[Place]) -> [u32; LANES] {
             return index;
         }
         for heads in [&heads[first..below], &heads[above..end]] {
-            // Copied out: a choice between places in memory would be made lane by lane.
+            // Copied to local variables: a choice between memory locations would not be vectorised.
             for &Place { direction: d, index: head } in heads {
                 for lane in 0..LANES {
                     let dot = x[lane] * d[0] + y[lane] * d[1] + z[lane] * d[2];
@@ -286,7 +286,7 @@ mod tests {
             .enumerate()
             .map(|(i, d)| Light { direction: d.as_vec3().to_array(), ..light(i as u32, 0.0, 0.0, 1.0, 0.0) })
             .collect();
-        // Mixed up, as heads come first.
+        // They are shuffled, because heads come first.
         let lights: Vec<Light> = (0..lights.len()).map(|i| lights[i * 1009 % lights.len()]).collect();
         let (mut joined, mut heads) = (Vec::new(), Vec::new());
         for count in [1, 7, 64, 900, 1799] {

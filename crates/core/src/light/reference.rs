@@ -3,10 +3,9 @@
 //! Irradiance is linear in the flux vector `sum f w` of everything in front of a surface, so a block of
 //! pixels wholly in front of it counts exactly by its flux vector alone. Only blocks that the horizon of the
 //! normal cuts are approximate; there the flux is taken as spread evenly over the block's own second moment.
-//! A block of side s that holds the share q of the map's flux is cut with a probability in proportion to s
-//! and is then wrong by something in proportion to q s, so its part of the RMS error goes as `q s^1.5`.
-//! Blocks where that is large, those around a sun or a lamp, are halved until it is small or they are single
-//! pixels.
+//! A block of side s that holds the share q of the map's flux is cut with a probability proportional to s,
+//! and its error is then proportional to q s, so its part of the RMS error goes as `q s^1.5`. Blocks where
+//! that is large, those around a sun or a lamp, are halved until it is small or they are single pixels.
 
 use super::error::{Contribution, NormalSphere};
 use crate::image::{PolarMap, PolarShape, luminance};
@@ -14,11 +13,11 @@ use glam::DVec3;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Side of a block to start with: about 1,300 to a hemisphere.
+/// Side of a block to start with: about 1,300 per hemisphere.
 const BLOCK_SIDE_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
 
-/// Largest `q s^1.5` of a block that is not halved. An even sky stays below with whole blocks; the tests hold
-/// the result against the slow measure, pixel by pixel.
+/// Largest `q s^1.5` of a block that is not halved. An even sky stays below with whole blocks; the tests
+/// compare the result with the slow measure, pixel by pixel.
 const TOLERANCE: f64 = 2e-5;
 
 /// A rectangle of the map and its flux.
@@ -92,7 +91,7 @@ impl MapIrradiance {
         reference.extend_from_slice(self.normals.irradiances(&self.contributions));
     }
 
-    /// What the last map was divided into.
+    /// The blocks into which the last map was divided.
     pub(super) fn blocks(&self) -> &[Contribution] {
         &self.contributions
     }

@@ -1,4 +1,4 @@
-//! What a share of the map, or of lights, is as one light.
+//! A share of the map, or of lights, as one light.
 //!
 //! A share with luminous flux F and first moment `V`, the integral of luminous radiance times direction,
 //! becomes a light in direction `V / |V|` with `spread_rad = acos(|V| / F)`. For flux at angles a from the
@@ -44,13 +44,13 @@ impl Share {
     pub fn light(&self, id: u32, site: [f32; 3]) -> Light {
         let flux = luminance_f64(self.flux);
         let length = self.moment.length();
-        // Below that part of the flux a resultant is the rounding of f64 sums over millions of pixels.
+        // Below this part of the flux a resultant is only the rounding of f64 sums over millions of pixels.
         let certain = length > 1e-9 * flux && length > 0.0;
         let direction = if certain { (self.moment / length).as_vec3().to_array() } else { site };
         let spread_rad = if flux > 0.0 {
             // acos(1 - d) = 2 asin(sqrt(d / 2)) keeps its digits where d is small.
             let defect = (1.0 - length / flux).clamp(0.0, 1.0);
-            // A narrower share than this is one direction: f64 sums cannot tell.
+            // A share narrower than this is one direction: f64 sums cannot resolve it.
             if defect < 1e-14 { 0.0 } else { 2.0 * (0.5 * defect).sqrt().asin() }
         } else {
             0.0
@@ -65,12 +65,13 @@ impl Share {
     }
 }
 
-/// The cells of sites: which pixels are nearest to each, and what they hold. One pass over the map for each.
+/// The cells of sites: which pixels are nearest to each, and what they hold. Each takes one pass over the
+/// map.
 #[derive(Clone, Debug)]
 pub struct Voronoi {
     shape: PolarShape,
     nearest_sites: NearestSites,
-    /// The number of the site of every pixel.
+    /// The index of the site of every pixel.
     nearest: Vec<u32>,
     /// Cosine and sine per column, at its centre.
     azimuths: Vec<[f64; 2]>,

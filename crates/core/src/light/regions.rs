@@ -2,14 +2,14 @@
 //! (Havran et al. 2005, sections 4.1, 4.2 and 5; METHODS section 8).
 //!
 //! The sphere of directions is a cube map whose every cell belongs to the nearest of a few hundred centres. A
-//! region is the cells of one centre, and its *reach* the angle from the centre to the farthest direction in
-//! them. What a direction of the region needs lies within the reach plus an angle: a right angle for the
-//! lights that a normal sees, gamma/2 for the lights of a cone of half-angle gamma/2. The paper has one
-//! number, a/2, for the reach of all regions; each region's own is smaller, so that fewer lights are kept and
-//! none that is needed is missing.
+//! region consists of the cells of one centre, and its *reach* is the angle from the centre to the farthest
+//! direction in them. The lights that a direction of the region needs lie within the reach plus an angle: a
+//! right angle for the lights that a normal sees, gamma/2 for the lights of a cone of half-angle gamma/2. The
+//! paper has one number, a/2, for the reach of all regions; each region's own is smaller, so that fewer
+//! lights are kept and none that is needed is missing.
 //!
 //! A region's list keeps the order of the lights, so that its beginning is as progressive as that of the
-//! whole list (observation 1 of the paper), and so that it may be cut.
+//! whole list (observation 1 of the paper), and the list may be truncated.
 
 use super::{Light, MAX_LIGHTS};
 use crate::image::luminance_f64;
@@ -17,8 +17,8 @@ use crate::math::{angle_between, cube_cell, cube_cell_solid_angle, cube_directio
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Regions for normals: of evenly spread lights a list holds 59 in 100, where no number of regions gives less
-/// than 50.
+/// Regions for normals: of evenly spread lights a list holds 59 %, and no number of regions could give less
+/// than 50 %.
 const NORMAL_REGIONS: usize = 200;
 /// The most regions, 4.5 degrees apart: the time to build the table grows with the square of their number.
 const MAX_REGIONS: usize = 2048;
@@ -47,15 +47,15 @@ pub struct Regions {
 /// The lights of every region: indices into the list that was assigned.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RegionLists {
-    /// Places for indices in every region.
+    /// Number of indices that every region has room for.
     pub capacity: usize,
-    /// Region-major: those of region r start at `r capacity`. Places beyond what a region keeps hold
+    /// Region-major: those of region r start at `r capacity`. Entries beyond those that a region keeps hold
     /// `u32::MAX`.
     pub indices: Vec<u32>,
     /// Number of lights with power within each region; it keeps the first `capacity` of them.
     pub within: Vec<u32>,
-    /// By which the kept lights of each region are to be multiplied, so that their luminance is that of all
-    /// within it: 1 where none had to go.
+    /// Factor by which the kept lights of each region must be multiplied, so that their luminance is that of
+    /// all lights within it; 1 where none was dropped.
     pub factors: Vec<f32>,
 }
 
@@ -93,8 +93,8 @@ impl Regions {
         for reach_rad in &mut reaches_rad {
             // Directions within r of a centre form a cone that is convex for r up to a right angle. The
             // directions of a cell are sums of those of its corners with weights that are not negative, so
-            // that such a cone holds the cell where it holds the corners. Beyond a right angle corners say
-            // nothing.
+            // that such a cone holds the cell where it holds the corners. Beyond a right angle the corners
+            // give no bound.
             *reach_rad = if *reach_rad < FRAC_PI_2 { *reach_rad + REACH_SLACK_RAD } else { PI };
         }
         let caps = centres.iter().zip(&reaches_rad);
@@ -149,7 +149,7 @@ impl Regions {
         self.reaches_rad[region]
     }
 
-    /// Place in the table of a vector of any length, see [`cube_cell`].
+    /// Index in the table of a vector of any length, see [`cube_cell`].
     fn table_index(&self, direction: [f32; 3]) -> usize {
         cube_cell(direction, self.side) as usize
     }
@@ -187,14 +187,14 @@ impl Regions {
                 }
             }
             lists.within.push(within as u32);
-            // Infinity times a subnormal light would be far too much, and times 0 NaN.
+            // An infinite factor would make a subnormal light far too bright, and one of 0 NaN.
             let factor = if kept > 0.0 { (all / kept).min(f64::from(f32::MAX)) } else { 1.0 };
             lists.factors.push(factor as f32);
         }
     }
 
-    /// Number of lights that a direction's region keeps, as mean over all directions. The number of lights
-    /// over this is the gain of culling, at most 2 for normals.
+    /// Number of lights that a direction's region keeps, as the mean over all directions. The number of
+    /// lights divided by this is the gain of culling, at most 2 for normals.
     pub fn mean_lights(&self, lists: &RegionLists) -> f64 {
         let regions = self.solid_angles_sr.iter().enumerate();
         regions.map(|(region, sr)| sr * lists.kept(region).len() as f64).sum::<f64>() / (4.0 * PI)

@@ -1,4 +1,4 @@
-//! Where sites begin: at what the inverse transform makes of well-spread points (METHODS section 5).
+//! The first sites: well-spread points mapped by the inverse transform (METHODS section 5).
 
 use crate::image::{PolarMap, PolarShape, luminance};
 use crate::math::direction_at_height;

@@ -1,4 +1,4 @@
-//! Persistent and adaptive lights over long sequences: what does not wear out, and what recovers.
+//! Persistent and adaptive lights over long sequences: they do not degrade, and they recover.
 
 use super::error::NORMAL_COUNT;
 use super::measure::{Emitters, relative_rms};
@@ -11,7 +11,7 @@ use glam::DVec3;
 const FOLLOWED: [Sampler; 2] = [Sampler::Persistent, Sampler::Adaptive];
 const SHAPE: PolarShape = PolarShape::hemisphere(360, 90);
 
-/// The map turned by whole columns: what stood in column c stands in column c - `columns`.
+/// The map turned by whole columns: the contents of column c move to column c - `columns`.
 fn turned(map: &PolarMap, columns: usize, turned: &mut PolarMap) {
     for (to, from) in turned.pixels.chunks_exact_mut(360).zip(map.pixels.chunks_exact(360)) {
         to[..360 - columns].copy_from_slice(&from[columns..]);
@@ -51,7 +51,7 @@ fn worst_and_p99(values: &mut [f64]) -> [f64; 2] {
     [values[values.len() - 1], values[(values.len() - 1) * 99 / 100]]
 }
 
-/// A hundred turns of the garden, `step` columns a frame: no turn is worse than the first, or hardly, and the
+/// A hundred turns of the garden, `step` columns a frame: no turn is noticeably worse than the first, and the
 /// second half of them is no worse than the first. The motion of a frame is the RMS over its lights.
 fn hundred_turns(sampler: Sampler, step: usize) {
     let Some(map) = real_map("chinese_garden_1k.hdr", SHAPE) else { return };
@@ -59,7 +59,8 @@ fn hundred_turns(sampler: Sampler, step: usize) {
     let mut extractor = extractor(sampler);
     let (mut list, mut frame, mut last) = (LightList::default(), map.clone(), Vec::new());
     let (mut first, mut highest) = ([0.0; 6], [0.0f64; 6]);
-    // Means over turns 2 to 50 and 51 to 100: what wears out shows in them before it shows in extremes.
+    // Means over turns 2 to 50 and 51 to 100: a gradual degradation shows in them before it shows in
+    // extremes.
     let (mut early, mut late) = ([0.0; 6], [0.0; 6]);
     for turn in 0..100 {
         let (mut errors, mut frame_motions, mut light_motions) = (Vec::new(), Vec::new(), Vec::new());

@@ -21,7 +21,7 @@ const LEAST_MAJOR: f32 = 1e-30;
 /// at least 1): below `6 side^2` for every input.
 ///
 /// The zero vector lies in the middle of face 4 (+Z), in row and column `side / 2`. Vectors with a coordinate
-/// that is infinite or NaN have some cell, always the same one on the CPU. Rounding puts a direction beside
+/// that is infinite or NaN have some cell, always the same one on the CPU. Rounding puts a direction outside
 /// its cell by at most 5e-7 rad, also where a GPU divides to 2.5 units in the last place. Shaders repeat this
 /// function line by line.
 #[inline]
@@ -44,7 +44,7 @@ pub fn cube_cell(direction: [f32; 3], side: u32) -> u32 {
     (face * side + row) * side + column
 }
 
-/// Unit vector to a place on a face: `column` and `row` in [0, side], whole numbers on the borders of cells.
+/// Unit vector to a point on a face: `column` and `row` in [0, side], whole numbers on the borders of cells.
 pub fn cube_direction(face: u32, row: f64, column: f64, side: u32) -> DVec3 {
     let [a, b] = [column, row].map(|place| 2.0 * place / f64::from(side) - 1.0);
     let v = match face {

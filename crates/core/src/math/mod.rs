@@ -1,4 +1,4 @@
-//! Directions, tables over them, and solid angles; percentiles; the curve of sRGB.
+//! Directions, tables over them, and solid angles; percentiles; the transfer function of sRGB.
 //!
 //! World frame: right-handed, +Y up. A direction is a unit vector from the scene towards the light; `theta`
 //! is the polar angle from +Y, `phi` the azimuth in [0, 2 pi) from +X towards +Z.

@@ -1,4 +1,4 @@
-/// Value below which a fraction of sorted values lies, linear between neighbours; 0 of nothing.
+/// Value below which a fraction of sorted values lies, linear between neighbours; 0 for no values.
 pub fn percentile(sorted: &[f64], fraction: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
     let position = fraction * last as f64;

@@ -1,4 +1,4 @@
-//! The transfer function of sRGB (IEC 61966-2-1), the only place where it stands in Rust.
+//! The transfer function of sRGB (IEC 61966-2-1); this is its only implementation in Rust.
 
 /// Linear value of a coded one, both in [0, 1].
 pub fn linear_from_srgb(coded: f32) -> f32 {

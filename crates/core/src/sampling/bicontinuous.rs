@@ -60,7 +60,7 @@ impl Bicontinuous {
         }
     }
 
-    /// Integral over solid angle of the interpolated values: that of the map only nearly.
+    /// Integral over solid angle of the interpolated values; only approximately that of the map.
     pub fn integral(&self) -> f64 {
         self.radial.integral()
     }

@@ -1,5 +1,6 @@
-/// Element `index` of the van der Corput sequence: the digits of `index` in `base` mirrored at the point, in
-/// [0, 1). The Halton sequence takes a prime base per coordinate; index 0 is the corner, so start at 1.
+/// Element `index` of the van der Corput sequence: the digits of `index` in `base` mirrored at the radix
+/// point, in [0, 1). The Halton sequence takes a prime base per coordinate; index 0 is the corner, so start
+/// at 1.
 pub fn halton(index: u64, base: u64) -> f64 {
     let (mut rest, mut digits, mut scale) = (index, 0u64, 1.0);
     while rest > 0 {

@@ -37,7 +37,7 @@ impl PiecewiseConstant {
         let target = (u * total).min(total.next_down());
         let i = bracket(self.edges.len() - 1, target, |i| self.cumulative[i]);
         let part = (target - self.cumulative[i]) / (self.cumulative[i + 1] - self.cumulative[i]);
-        // Below the upper edge also after rounding: the next interval may be empty.
+        // Stays below the upper edge even after rounding, because the next interval may be empty.
         (self.edges[i] + part * (self.edges[i + 1] - self.edges[i])).min(self.edges[i + 1].next_down())
     }
 

@@ -92,7 +92,7 @@ impl Grid {
     fn nearest(&self, points: &[[f64; 2]], x: [f64; 2]) -> (usize, [f64; 2]) {
         let side = self.side as isize;
         let home = x.map(|c| Self::cell(self.side, c) as isize);
-        // At most one side beyond either end: comparing saves two divisions for every bucket.
+        // The index is at most one side beyond either end: comparing saves two divisions for every bucket.
         let wrap = |i: isize| {
             (if i < 0 {
                 i + side

@@ -82,8 +82,8 @@ fn check(name: &str, map: &PolarMap) {
     for distribution in Either::all(shape, &values) {
         let case = format!("{name}, {}", distribution.name());
 
-        // Gauss's rule with two points is exact for what is at most cubic in z between knots and constant per
-        // column.
+        // Gauss's rule with two points is exact for functions that are at most cubic in z between knots and
+        // constant per column.
         let mut sum = 0.0;
         for knot in knots.windows(2) {
             let (middle, half) = (0.5 * (knot[0] + knot[1]), 0.5 * (knot[1] - knot[0]));
@@ -110,8 +110,8 @@ fn check(name: &str, map: &PolarMap) {
             );
         }
 
-        // And from positions. CDFs carry errors of a few 1e-16, which move a position by that over the
-        // density.
+        // The round trip from positions: CDFs carry errors of a few 1e-16, which move a position by that over
+        // the density.
         for [a, b] in sample_points(1000, 0) {
             let x = [a * z_max, b * TAU];
             let u = distribution.invert(x);
@@ -159,8 +159,8 @@ fn samples_have_the_density_that_pdf_says() {
         [(1 + row) as f32 * if column > 15 { 5.0 } else { 1.0 } + if column == 3 { 20.0 } else { 0.0 }; 3]
     });
     let knots = knots(shape);
-    // 2^10 3^6 Halton points put the right number into every elementary box, so cells come out within per
-    // cents.
+    // 2^10 3^6 Halton points put the right number into every elementary box, so cells come out within a few
+    // per cent.
     let count = 746_496;
     for distribution in Either::all(shape, &luminances(&map)) {
         let mut hits = vec![0usize; 16 * 24];

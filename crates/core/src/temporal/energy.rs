@@ -1,11 +1,10 @@
-//! A FIR for quantities that are energies: what leaves is never negative, and in total as much leaves as came
-//! in.
+//! A FIR for quantities that are energies: the output is never negative, and in total it equals the input.
 //!
 //! An equiripple filter has negative taps. After a flash, or where a light hands its power over to its
 //! neighbour, the linear output `y_i(t) = sum_k h_k x_i(t - k)` of a light i falls below zero. Clipping it
 //! there adds power. What was added is taken from other lights of the same *group* (one colour channel of a
 //! list) in the same frame: a hand-over makes one light overshoot as far as the other undershoots, and only
-//! together they are right. What the group cannot pay at once stays as its *debt* d. With Y the sum of the
+//! together are they correct. What the group cannot pay at once stays as its *debt* d. With Y the sum of the
 //! y_i, the group's output is, in general,
 //!
 //! ```text
@@ -15,17 +14,18 @@
 //! within two limits that keep the cost of a flash with the flash. Each light's window is split into its
 //! least value b_i, the steady part, and the excess over it.
 //!
-//! - At least the steady parts leave, `sum_i min(max(y_i, 0), b_i)`: a flash does not darken other lights.
+//! - The output is at least the steady parts, `sum_i min(max(y_i, 0), b_i)`: a flash does not darken other
+//!   lights.
 //! - The excess gives no more than it holds. With `T_k = 1 - (h_0 + ... + h_(k-1))`, the share of an input of
-//!   age k that has yet to leave before this frame's output, and D the delay, that is `E = sum_i (sum_k T_k
+//!   age k that has not been output before this frame, and D the delay, it holds `E = sum_i (sum_k T_k
 //!   x_i(t - k) - (D + 1) b_i) - d(t - 1)`. Without this limit a flash of 1e6 over a steady 1 would end in a
 //!   negative lobe for which the steady part would pay with 57,000 dark frames.
 //!
-//! So the debt is at most the excess still on its way, `sum_i sum_k T_(k+1) (x_i(t - k) - b_i)`, and nothing
-//! once the window is constant. One exception: while a debt is open, inputs may settle at a higher level,
-//! which turns excess into steady part and makes E negative. Then the first limit gives way by -E, and a
-//! steady level s pays within D + 1 frames, since the debt was at most about D s. Where no light is clipped
-//! and no debt is open, all this is exactly the linear filter.
+//! So the debt is at most the excess that has not been output yet, `sum_i sum_k T_(k+1) (x_i(t - k) - b_i)`,
+//! and nothing once the window is constant. One exception: while a debt is open, inputs may settle at a
+//! higher level, which turns excess into steady part and makes E negative. Then the first limit is lowered by
+//! -E, and a steady level s pays the debt within D + 1 frames, since the debt was at most about D s. Where no
+//! light is clipped and no debt is open, the result is exactly that of the linear filter.
 
 use super::history::History;
 
@@ -49,7 +49,7 @@ pub(super) struct EnergyFilter {
 }
 
 impl EnergyFilter {
-    /// For symmetric `taps` of sum 1 and groups of so many columns each, side by side from column 0, without
+    /// For symmetric `taps` of sum 1 and groups of `group_sizes` columns, side by side from column 0, without
     /// debts.
     pub(super) fn new(taps: &[f64], group_sizes: impl Iterator<Item = usize>) -> Self {
         let leave = |left: &mut f64, tap: &f64| {
@@ -75,7 +75,7 @@ impl EnergyFilter {
         self.groups.iter_mut().for_each(|(_, debt)| *debt = 0.0);
     }
 
-    /// Output for the newest row of `history`: one finite value >= 0 a column.
+    /// Output for the newest row of `history`: one finite value >= 0 per column.
     pub(super) fn step(&mut self, history: &History) -> &[f64] {
         self.convolve(history);
         let mut start = 0;
@@ -115,7 +115,7 @@ impl EnergyFilter {
     }
 }
 
-/// Turns the linear outputs `values` of a group into what leaves.
+/// Turns the linear outputs `values` of a group into its output.
 fn settle(values: &mut [f64], stock: &[f64], least: &[f32], steady_frames: f64, debt: &mut f64) {
     let (mut linear, mut positive, mut floor, mut steady, mut held) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for ((&value, &stock), &least) in values.iter().zip(stock).zip(least) {
@@ -127,7 +127,7 @@ fn settle(values: &mut [f64], stock: &[f64], least: &[f32], steady_frames: f64, 
         held += stock;
     }
     if positive == 0.0 && held == 0.0 {
-        // A dark window holds nothing, so that a debt here is rounding: it must not glow.
+        // A dark window holds nothing, so a debt here is rounding and must not become light.
         *debt = 0.0;
         values.fill(0.0);
         return;
@@ -135,8 +135,8 @@ fn settle(values: &mut [f64], stock: &[f64], least: &[f32], steady_frames: f64, 
     let excess = held - steady_frames * steady - *debt;
     let at_least = (floor + excess.min(0.0)).max(0.0);
     let wanted = (linear - *debt).min(steady + excess).max(at_least);
-    // Shares of the steady parts and of what lies above them. Where nothing lies above, nothing more is
-    // given.
+    // Shares of the steady parts and of the parts above them that are given. Where nothing lies above,
+    // nothing more is given.
     let of_floor = if wanted < floor { wanted / floor } else { 1.0 };
     let of_rest =
         if wanted > floor && positive > floor { (wanted - floor) / (positive - floor) } else { 0.0 };

@@ -10,9 +10,9 @@ use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// How much of the variance of a light's direction over the window becomes spread. All of it would be the RMS
-/// angle of the filtered light about its direction, but the taps put most of the light, 60 %, in one place
-/// and the rest far from it, with either sign: the disc whose shadow edge fits that best, in the mean square,
-/// has a quarter to half of the variance, whatever the light's own spread is.
+/// angle of the filtered light about its direction, but the taps put most of the light, 60 %, in one
+/// direction and the rest far from it, with either sign: the disc whose shadow edge fits that best, in the
+/// mean square, has a quarter to half of the variance, whatever the light's own spread is.
 const MOTION_SHARE: f64 = 1.0 / 3.0;
 
 /// Length of the weighted sum of unit vectors below which it says nothing about where the light is: a jitter
@@ -22,26 +22,26 @@ const LEAST_VECTOR: f64 = 0.1;
 /// Filters the lists of one sequence.
 ///
 /// - *Power* (RGB irradiance of every slot) and the *reference irradiances*, so that a filtered list is
-///   judged against the equally filtered truth, pass the taps as energies: what leaves is >= 0, and in total
-///   as much leaves as came in, per colour channel of the list. What clipping a light at zero would add is
-///   taken from what other lights have above their steady level, then from the following frames.
+///   judged against the equally filtered truth, are filtered as energies: the output is >= 0, and in total it
+///   equals the input, per colour channel of the list. The power that clipping a light at zero would add is
+///   taken from the part of other lights above their steady level, then from the following frames.
 /// - *Direction*: the weighted sum of the first moments (luminous flux times mean direction), normalised:
-///   what is filtered then is the irradiance itself, as far as no horizon cuts it, and where a light had no
-///   power its direction does not count. Where moments nearly cancel or there are none, or where the options
-///   say so, the weighted sum of the unit vectors as in the paper; where these nearly cancel too (sum shorter
-///   than 0.1), the direction at the centre tap.
-/// - *Spread*: of the flux about this direction, its motion while it is filtered counted by a third; with the
-///   paper's directions the weighted sum of the angles, limited to [0, pi].
+///   this filters the irradiance itself, except where a horizon cuts it, and where a light had no power its
+///   direction does not count. Where moments nearly cancel or there are none, or where the options say so, it
+///   is the weighted sum of the unit vectors as in the paper; where these nearly cancel too (sum shorter than
+///   0.1), it is the direction at the centre tap.
+/// - *Spread*: that of the flux about this direction, with a third of the variance that comes from the motion
+///   within the window; with the paper's directions it is the weighted sum of the angles, limited to [0, pi].
 ///
-/// The filter starts with a history full of the first list, as if that had always been there, so lists leave
-/// from the first frame on. A list carries the stamp and the ids of the newest input and
+/// The filter starts with a history full of the first list, as if that had always been there, so there is
+/// output from the first frame on. A list carries the stamp and the ids of the newest input and
 /// [`LightList::filter_delay_frames`]; with [`Taps::identity`] it is a copy of the input and that number
 /// is 0.
 ///
-/// **Gaps.** Where `lost_before` frames are missing, up to the number of taps, the last list is held for as
-/// many. After a longer gap, when capture times run backwards, and when the frame rate, the number of lights
-/// or the number of reference irradiances changes, the filter starts afresh: history filled with the new
-/// list, no debts. Equal capture times are no reason to start afresh.
+/// **Gaps.** Where `lost_before` frames are missing, up to the number of taps, the last list is held for that
+/// many frames. After a longer gap, when capture times run backwards, and when the frame rate, the number of
+/// lights or the number of reference irradiances changes, the filter starts afresh: history filled with the
+/// new list, no debts. Equal capture times are no reason to start afresh.
 ///
 /// Allocates only with new taps and when one of these numbers changes.
 #[derive(Clone, Debug)]
@@ -121,7 +121,7 @@ impl LightFilter {
             self.energy_count = energy_count(input);
             let columns = self.energy_count + TRACK * self.light_count;
             self.history = History::new(self.taps.as_slice().len(), columns);
-            // One debt a channel for all lights, one for every reference irradiance.
+            // One debt per channel for all lights, and one for every reference irradiance.
             let references = std::iter::repeat_n(1, input.reference_irradiance.len());
             let groups = [self.light_count; 3].into_iter().chain(references);
             self.energies = EnergyFilter::new(self.taps.as_slice(), groups);
@@ -186,8 +186,7 @@ impl LightFilter {
 }
 
 /// What is known of a light in a frame besides its power: unit vector, spread in radians, length of the first
-/// moment (luminous flux times the cosine of the spread), and by how much the luminous flux is more than
-/// that.
+/// moment (luminous flux times the cosine of the spread), and by how much the luminous flux exceeds that.
 const TRACK: usize = 6;
 type Track = [f32; TRACK];
 
@@ -199,7 +198,7 @@ struct Sums {
     vector: DVec3,
     moment: f64,
     defect: f64,
-    /// Of the moments' lengths by the taps' magnitudes.
+    /// Of the moments' lengths, weighted by the taps' magnitudes.
     magnitude: f64,
 }
 
@@ -215,7 +214,7 @@ impl Sums {
         self.magnitude += moment.abs();
     }
 
-    /// Of the moments, if their sum says where the light is.
+    /// Direction of the sum of the moments, if it says where the light is.
     fn direction(&self) -> Option<DVec3> {
         let length = self.vector.length();
         let flux = self.moment + self.defect;
@@ -230,8 +229,8 @@ fn energy_count(input: &ReferencedList) -> usize {
 
 /// Lays a list out as one row of the history.
 ///
-/// Lists are finite, >= 0 and of unit directions by contract. One number that is not would stay in the
-/// history for the length of the filter and in a debt for ever, so it is taken as no light, or as the
+/// By contract lists hold finite numbers >= 0 and unit directions. A number that breaks this would stay in
+/// the history for the length of the filter and in a debt for ever, so it is taken as no light, or as the
 /// direction +Y.
 fn write_row(input: &ReferencedList, row: &mut [f32]) {
     let lawful = |value: f32| if (0.0..f32::INFINITY).contains(&value) { value } else { 0.0 };

@@ -15,7 +15,7 @@ impl History {
         Self { values: vec![0.0; length * width], width, length, newest: 0 }
     }
 
-    /// Drops the oldest row; what is returned becomes the newest and still holds the old values.
+    /// Drops the oldest row; the returned row becomes the newest and still holds the old values.
     pub(super) fn push(&mut self) -> &mut [f32] {
         self.newest = (self.newest + 1) % self.length;
         self.row_mut(self.newest)

@@ -1,11 +1,11 @@
 //! A cut, a lamp that appears, a peak that dissolves: adaptive lights after the filter, against the filtered
 //! truth.
 //!
-//! The filter is 9 frames long. From the ninth frame after a change on, nothing of before is in its window,
-//! so lists must be about as good again as those of a scene that stands still; and while the change is in the
-//! window, no place may be brighter by what would be seen as a flash than the filtered truth, or than what is
-//! steady throughout the window: so much the filter lets out even where the filtered truth, which rings, is
-//! below it.
+//! The filter is 9 frames long. From the ninth frame after a change on, its window contains nothing from
+//! before the change, so lists must again be about as good as those of a static scene. While the change is in
+//! the window, no point may be brighter, by an amount that would be seen as a flash, than the filtered truth,
+//! or than the part that is steady throughout the window: the filter outputs that part even where the
+//! filtered truth, which rings, is below it.
 
 use super::test_taps::taps;
 use super::{Directions, LightFilter};
@@ -86,7 +86,8 @@ fn quantile(values: &mut [f64], fraction: f64) -> f64 {
 fn a_cut_settles_within_the_filters_length_and_flashes_little() {
     const BEFORE: usize = 12;
     const AFTER: usize = 24;
-    // All of one power, so that what is brighter than the truth is no difference between the maps.
+    // All maps have the same power, so that a value brighter than the truth cannot come from a difference
+    // between the maps.
     let mut maps = real_maps(SHAPE);
     for (_, map) in &mut maps {
         let power = luminance_f64(map.power());
@@ -94,7 +95,7 @@ fn a_cut_settles_within_the_filters_length_and_flashes_little() {
     }
     let truths: Vec<Vec<f64>> = maps.iter().map(|(_, map)| truth(map)).collect();
     let (mut settled, mut flashes) = (Vec::new(), Vec::new());
-    // What a scene that stood still all the time has by then.
+    // The error that a static scene has by then.
     let still: Vec<f64> = (0..maps.len())
         .map(|i| {
             track(&[&maps[i].1; FILTER_LENGTH + 1], &[&truths[i]; FILTER_LENGTH + 1]).error[FILTER_LENGTH]
@@ -137,8 +138,8 @@ fn sky(lamp: f64) -> PolarMap {
     })
 }
 
-/// A lamp of the radiance `lamp(t)` in frame t: error over that of the last frame, from frame `settled` on at
-/// most, and the most that any value is above the filtered truth.
+/// A lamp of the radiance `lamp(t)` in frame t: the largest error from frame `settled` on, divided by that of
+/// the last frame, and the most that any value is above the filtered truth.
 fn lamp_track(lamp: impl Fn(usize) -> f64, settled: usize) -> [f64; 2] {
     const FRAMES: usize = 60;
     let maps: Vec<PolarMap> = (0..FRAMES).map(|t| sky(lamp(t))).collect();

@@ -1,4 +1,4 @@
-//! Taps for tests of this room.
+//! Taps for tests of this module.
 
 use super::Taps;
 use pm_remez::{Band, PMParameters, ParametersBuilder, pm_remez};

@@ -1,7 +1,7 @@
 use crate::image::{PolarMap, luminance_f64};
 use crate::light::{Light, LightList};
 
-/// Everything that any list must be.
+/// Checks everything that holds for every list.
 pub fn check_list(case: &str, list: &LightList, count: usize) {
     assert_eq!(list.lights.len(), count, "{case}");
     for (slot, Light { id, direction, irradiance, spread_rad }) in list.lights.iter().enumerate() {
@@ -16,10 +16,10 @@ pub fn check_list(case: &str, list: &LightList, count: usize) {
     assert_eq!(list.prefix_errors.last(), Some(&(count as u32, error)), "{case}");
 }
 
-/// That a list of one of the hard maps is whole and has the map's power.
+/// Checks that a list of one of the hard maps is complete and has the map's power.
 pub fn check_hard(case: &str, name: &str, map: &PolarMap, list: &LightList, count: usize) {
     if name == "largest values" {
-        // Irradiances are held at f32::MAX: only finiteness can be asked.
+        // Irradiances are held at f32::MAX: only finiteness can be checked.
         assert!(list.lights.iter().flat_map(|l| l.irradiance).all(f32::is_finite), "{case}");
         return;
     }
@@ -30,8 +30,8 @@ pub fn check_hard(case: &str, name: &str, map: &PolarMap, list: &LightList, coun
     assert!((power - expected).abs() <= tolerance * expected, "{case}: {power} {expected}");
 }
 
-/// That no light has power and that their directions are uniform over the hemisphere: cos theta has mean 1/2,
-/// the horizontal components cancel.
+/// Checks that no light has power and that their directions are uniform over the hemisphere: cos theta has
+/// mean 1/2, the horizontal components cancel.
 pub fn check_dark(case: &str, list: &LightList, tolerance: [f32; 3]) {
     assert!(list.lights.iter().all(|l| l.irradiance == [0.0; 3] && l.spread_rad == 0.0), "{case}");
     assert_eq!(list.power, [0.0; 3], "{case}");

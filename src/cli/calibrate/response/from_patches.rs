@@ -24,7 +24,7 @@ struct Entry {
     held_out: bool,
 }
 
-/// Difference of channels, in parts of the code, from which a patch does not look grey.
+/// Difference of channels, as a part of the code, from which on a patch is not grey.
 const GREY: f64 = 0.03;
 const CURVE_POINTS: usize = 33;
 

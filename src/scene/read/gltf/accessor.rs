@@ -1,5 +1,5 @@
-//! Numbers out of glTF buffers. Everything is checked here (types, sizes, ranges), as the reader of `gltf`
-//! 1.4 takes the file's word for it.
+//! Numbers from glTF buffers. Everything is checked here (types, sizes, ranges), because the reader of `gltf`
+//! 1.4 trusts the file.
 
 use crate::error::{Error, Result};
 use crate::scene::read::budget::MAX_TRIANGLES;
@@ -7,13 +7,13 @@ use gltf::Accessor;
 use gltf::accessor::{DataType, Dimensions, sparse::IndexType};
 use std::borrow::Cow;
 
-/// Elements of one accessor at most: the corners of all triangles.
+/// Most elements of one accessor: the corners of all triangles.
 const MAX_COUNT: usize = 3 * MAX_TRIANGLES;
 
 /// The contents of all buffers, each at least as long as its `byteLength`.
 pub(super) type Buffers = Vec<Vec<u8>>;
 
-/// Vectors of `N` floats. Integers are taken if they are normalised: [0, 1] unsigned, [-1, 1] signed.
+/// Vectors of `N` floats. Integers are accepted if they are normalised: [0, 1] unsigned, [-1, 1] signed.
 pub(super) fn floats<const N: usize>(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<[f32; N]>> {
     let read = || {
         let dimensions = accessor.dimensions().multiplicity();
@@ -59,7 +59,7 @@ pub(super) fn indices(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<u32>
     read().map_err(|error| error.at(format_args!("accessor {}", accessor.index())))
 }
 
-/// The elements one after another, without gaps, sparse ones in their places.
+/// The elements one after another, without gaps, sparse ones substituted.
 fn elements<'a>(accessor: &Accessor, buffers: &'a Buffers) -> Result<Cow<'a, [u8]>> {
     let (count, size) = (accessor.count(), accessor.size());
     if count == 0 || count > MAX_COUNT {
@@ -67,7 +67,7 @@ fn elements<'a>(accessor: &Accessor, buffers: &'a Buffers) -> Result<Cow<'a, [u8
     }
     let dense = match accessor.view() {
         Some(view) => strided(&view, accessor.offset(), count, size, buffers)?,
-        // The specification's meaning of an accessor without a view.
+        // By the specification an accessor without a view is all zeros.
         None => Cow::Owned(vec![0; count * size]),
     };
     let Some(sparse) = accessor.sparse() else { return Ok(dense) };

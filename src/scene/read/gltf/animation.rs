@@ -8,11 +8,11 @@ use glam::{Quat, Vec3};
 use gltf::Gltf;
 use gltf::animation::Property;
 
-/// Keys of all channels at most.
+/// Most keys of all channels together.
 const MAX_KEYS: usize = 1 << 22;
 
-/// Reads the channels of all animations that move nodes of the scene. `places` has the place of every node of
-/// the file in the scene.
+/// Reads the channels of all animations that move nodes of the scene. `places` maps every node of the file to
+/// its index in the scene.
 pub(super) fn read(
     gltf: &Gltf,
     buffers: &Buffers,
@@ -37,11 +37,12 @@ pub(super) fn read(
         let last = own.iter().filter_map(|channel| channel.times_s.last()).fold(0.0, |a: f32, b| a.max(*b));
         own.iter_mut().for_each(|channel| channel.duration_s = last);
     }
-    // Stable: of two channels that change the same thing the later one stays the later one.
+    // The sort is stable: of two channels that change the same property the later one stays the later one.
     scene.channels.sort_by_key(|channel| channel.node);
     let same = |a: &Channel, b: &Channel| std::mem::discriminant(&a.keys) == std::mem::discriminant(&b.keys);
     if scene.channels.chunk_by(|a, b| a.node == b.node).any(|channels| {
-        // At most a handful move one node, unless a file means harm; then the first few tell.
+        // At most a handful of channels move one node, except in hostile files; for those the first few
+        // suffice.
         let few = &channels[..channels.len().min(16)];
         channels.len() > 16 || (1..few.len()).any(|i| few[..i].iter().any(|other| same(other, &few[i])))
     }) {
@@ -82,7 +83,7 @@ fn read_channel(
     })?;
 
     let times_s: Vec<f32> = floats::<1>(&sampler.input(), buffers)?.into_iter().map(|[time]| time).collect();
-    // Neither NaN nor an infinite last key gets through.
+    // This also rejects NaN; an infinite last key is rejected as well.
     let is_increasing = times_s.windows(2).all(|pair| pair[0] < pair[1]);
     if !(times_s[0] >= 0.0 && is_increasing && times_s[count - 1].is_finite()) {
         return Err(Error::usage(

@@ -20,9 +20,9 @@ pub(super) struct Materials {
     pub(super) notes: Vec<String>,
     files: Files,
     pixels_left: u64,
-    /// By the file's index; none is the default material.
+    /// By the file's index; `None` is the default material.
     known: HashMap<Option<usize>, usize>,
-    /// By the file's index and the coding of colours.
+    /// By the file's index and whether the colours are sRGB.
     known_textures: HashMap<(usize, bool), usize>,
 }
 
@@ -39,7 +39,7 @@ impl Materials {
         }
     }
 
-    /// The place of a material in the scene's list.
+    /// The index of a material in the scene's list.
     pub(super) fn place(&mut self, from: &gltf::Material, buffers: &Buffers) -> Result<usize> {
         if let Some(place) = self.known.get(&from.index()) {
             return Ok(*place);
@@ -66,7 +66,7 @@ impl Materials {
             AlphaMode::Opaque => None,
             AlphaMode::Mask => Some(from.alpha_cutoff().unwrap_or(0.5)),
             AlphaMode::Blend => {
-                // Many exporters write it for surfaces that are all opaque.
+                // Many exporters ask for blending on surfaces that are entirely opaque.
                 if alpha < 1.0 || rough.base_color_texture().is_some() {
                     add_note(&mut self.notes, TRANSPARENCY);
                 }
@@ -102,7 +102,7 @@ impl Materials {
         Ok(material)
     }
 
-    /// The place of a texture in the scene's list; none for those that cannot be looked up.
+    /// The index of a texture in the scene's list; `None` for textures that cannot be looked up.
     fn texture(
         &mut self,
         from: &gltf::Texture,
@@ -137,7 +137,7 @@ impl Materials {
     }
 }
 
-/// Factors, which the specification keeps in [0, 1].
+/// Factors, which must be in [0, 1] by the specification.
 fn factors<const N: usize>(values: [f32; N], name: &str) -> Result<[f32; N]> {
     if values.iter().all(|value| (0.0..=1.0).contains(value)) {
         return Ok(values);

@@ -45,7 +45,8 @@ impl Document {
         self.accessor(5126, dimensions, values.len() / size, bytemuck::cast_slice(values))
     }
 
-    /// A triangle in the plane z = 0 that faces +Z, at node 0; accessors: 0 positions, 1 indices.
+    /// A triangle in the plane z = 0 that faces +Z, at node 0; accessor 0 holds positions, accessor 1
+    /// indices.
     pub(super) fn triangle() -> Self {
         let mut document = Self {
             json: json!({
@@ -60,7 +61,7 @@ impl Document {
         document
     }
 
-    /// The whole as a `.gltf` with its data in a URI.
+    /// The document as a `.gltf` with its data in a URI.
     pub(super) fn text(&self) -> String {
         let mut json = self.json.clone();
         let data = base64::engine::general_purpose::STANDARD.encode(&self.binary);
@@ -70,7 +71,7 @@ impl Document {
         json.to_string()
     }
 
-    /// The whole as a `.glb`.
+    /// The document as a `.glb`.
     pub(super) fn glb(&self) -> Vec<u8> {
         let mut json = self.json.clone();
         json["buffers"] = json!([{ "byteLength": self.binary.len() }]);
@@ -148,7 +149,8 @@ fn a_file_s_animation_turns_half_way_in_half_the_time() {
     document.animate("scale", "CUBICSPLINE", &[0.0, 4.0], &scales);
     let scene = load(&document);
     assert_eq!(scene.duration_s(), 4.0);
-    // At half of it a spline with flat ends is half-way; the step is in its second round, at its start.
+    // At half its duration a spline with zero tangents is half-way; the step animation is at the start of its
+    // second loop.
     let turn = Mat4::from_rotation_y(std::f32::consts::FRAC_PI_4);
     let expected = |scale: f32| turn * Mat4::from_scale(Vec3::splat(scale));
     assert!(pose(&scene, 1.0).abs_diff_eq(expected(1.0 + 2.0 * (3.0 / 16.0 - 2.0 / 64.0)), 1e-5));
@@ -160,7 +162,7 @@ fn a_file_s_animation_turns_half_way_in_half_the_time() {
 fn colours_coordinates_sparse_positions_strips_and_normalised_integers_are_read() {
     let mut document = Document::triangle();
     let uv = document.accessor(5123, "VEC2", 3, bytemuck::cast_slice(&[0_u16, 65_535, 0, 0, 65_535, 0]));
-    // Three bytes every four: elements with a gap.
+    // Three bytes in every four: elements with a gap.
     let colour = document.accessor(5121, "VEC3", 3, &[255, 0, 51, 9, 0, 0, 0, 9, 0, 255, 0, 9]);
     document.json["accessors"][colour]["normalized"] = json!(true);
     document.json["accessors"][uv]["normalized"] = json!(true);
@@ -277,7 +279,7 @@ fn mirrored_nodes_have_a_negative_determinant_and_bounds_all_the_same() {
     document.json["nodes"] =
         json!([{ "mesh": 0, "matrix": [-2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] }]);
     assert_eq!(pose(&load(&document), 0.0), matrix);
-    // And a rotation that is not quite of length one.
+    // The same as a rotation that is not of unit length.
     document.json["nodes"] = json!([{ "mesh": 0, "rotation": [0.0, 0.0, 3.0, 4.0] }]);
     let turned = Mat4::from_quat(Quat::from_xyzw(0.0, 0.0, 0.6, 0.8));
     assert!(pose(&load(&document), 0.0).abs_diff_eq(turned, 1e-6));

@@ -14,7 +14,7 @@ pub(super) fn read_uri(uri: &str, files: &mut Files) -> Result<Vec<u8>> {
     let Some((_, text)) = data.split_once(";base64,") else {
         return Err(Error::usage(format!("`{}` is a data URI, but not one of base64", short(uri))));
     };
-    // Some writers leave the padding out.
+    // Some writers omit the padding.
     let lenient = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
     GeneralPurpose::new(&STANDARD, lenient)
         .decode(text)

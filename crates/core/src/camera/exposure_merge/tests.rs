@@ -22,7 +22,7 @@ fn merged(merge: &mut ExposureMerge, frames: &[Frame]) -> (Vec<f32>, MergeCounts
 #[test]
 fn radiance_over_five_decades_comes_back_within_a_code_of_the_best_exposure() {
     let response = linear();
-    // Not in the order of the times.
+    // The exposures are not sorted by their times.
     let times = [0.01, 1.0, 0.1];
     let radiances: Vec<f32> = (0..400).map(|n| 10f32.powf(-1.5 + 3.4 * n as f32 / 399.0)).collect();
     let frames = times.map(|time| {
@@ -47,8 +47,8 @@ fn radiance_over_five_decades_comes_back_within_a_code_of_the_best_exposure() {
 fn what_no_exposure_measures_is_counted_and_has_the_limit() {
     let times = [1.0, 1e-5];
     let mut merge = ExposureMerge::new(&linear(), &times, &SensorNoise::default()).unwrap();
-    // Saturated in both; black in both; too bright for the one and too dark for the other; measured by one
-    // each.
+    // The first samples are saturated in both exposures, black in both, and too bright for the one and too
+    // dark for the other; the last two are measured by one each.
     let long = frame(vec![1023, 16, 1023, 516, 2000], 1);
     let short = frame(vec![1050, 3, 16, 16, 516], 1);
     let (values, counts) = merged(&mut merge, &[long, short]);
@@ -57,7 +57,8 @@ fn what_no_exposure_measures_is_counted_and_has_the_limit() {
     for (value, expected) in values.iter().zip(expected) {
         assert!((value - expected).abs() <= 1e-5 * expected, "{values:?}");
     }
-    // A sensor whose black still means light: the geometric mean of the limits.
+    // A sensor whose black level still stands for some light: the sample gets the geometric mean of the
+    // limits.
     let model = ResponseModel::Logarithmic { a: 500.0, b: 60.0, black_clip_code: 20, saturation_code: 1000 };
     let response = Response::new(model).unwrap();
     let mut merge = ExposureMerge::new(&response, &times, &SensorNoise::default()).unwrap();
@@ -79,7 +80,7 @@ fn a_pixel_counts_once_and_the_mean_is_weighted_by_noise() {
     );
     assert_eq!(counts, MergeCounts { saturated: 1, black_clipped: 1, between: 0 });
     assert!((values[2] - 0.1).abs() < 1e-6);
-    // Read noise of a code alone: the longer exposure counts a hundredfold.
+    // With read noise of one code alone, the longer exposure has a hundred times the weight.
     let (values, _) = merged(&mut merge, &[frame(vec![116], 1), frame(vec![36], 1)]);
     assert!((values[0] - (100.0 * 0.1 + 0.2) / 101.0).abs() < 1e-5, "{values:?}");
 }
@@ -108,7 +109,7 @@ fn cycles_that_lack_a_frame_or_mix_sizes_are_refused() {
         assert!(error.to_string().contains(part), "{error}");
     }
     assert_eq!(out.width, 9);
-    // After that the next cycle is as if nothing had been.
+    // After that the next cycle is not affected.
     let (values, _) = merged(&mut merge, &[frame(vec![516], 1), frame(vec![66], 1)]);
     assert!((values[0] - 0.5).abs() < 1e-3);
 }

@@ -81,7 +81,7 @@ fn a_spot_that_moves_and_fades_is_one_light_with_its_direction_until_it_is_none(
         assert!(light.spread_rad.to_degrees() < 1.2, "frame {number}: {}", light.spread_rad.to_degrees());
     }
     println!("a spot of 0.7 degrees that moves and fades: at most {worst:.4} degrees off");
-    // A tenth of a pixel: what each has above the limit counts at its centre.
+    // A tenth of a pixel: the part of each pixel above the limit counts at its centre.
     assert!(worst < 0.1, "{worst}");
 }
 
@@ -123,7 +123,7 @@ fn a_spot_that_appears_takes_the_nearest_light_and_no_other_moves_much() {
             }
         }
     }
-    // Gone, its light is one of the sky's again, in its place.
+    // When the spot is gone, its light is one of the sky's again, in the same direction.
     let id = nearest(&list.lights, at).id as usize;
     extractor.extract(&sky(SHAPE, 40, &[]), &mut list);
     assert!(off_deg(&list.lights[id], at) < 6.0 && list.lights[id].irradiance[0] > 0.0);

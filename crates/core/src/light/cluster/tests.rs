@@ -16,7 +16,8 @@ fn exact(light: &Light) -> DVec3 {
     DVec3::from(light.direction.map(f64::from))
 }
 
-/// `count` lights in an order that knows nothing of places; over the sphere, or over the upper hemisphere.
+/// `count` lights in an order that does not depend on their directions; over the sphere, or over the upper
+/// hemisphere.
 fn scattered(seed: u32, count: u32, whole: bool) -> Vec<Light> {
     let mut state = seed.wrapping_mul(747_796_405).wrapping_add(1);
     let mut random = || {
@@ -35,7 +36,8 @@ fn epsilon_rad(most: usize) -> f64 {
     1.85 * (2.0 / most as f64).sqrt().min(1.0).asin()
 }
 
-/// The rule of the paper, and that for what is left over, word by word in f64 and with a set of free lights.
+/// The rule of the paper and the rule for the lights left over, literally, in f64 and with a set of free
+/// lights.
 fn cluster_slowly(lights: &[Light], most: usize) -> Vec<Vec<usize>> {
     let mut free: Vec<usize> = (0..lights.len()).filter(|&i| lights[i].irradiance != [0.0; 3]).collect();
     let apart = |a: usize, b: usize| angle_between(exact(&lights[a]), exact(&lights[b]));
@@ -109,7 +111,7 @@ fn a_joined_light_is_that_of_a_prefix() {
 
 #[test]
 fn evenly_spread_lights_of_the_hemisphere_fill_the_bound_without_remainder() {
-    // What c_f is for: clusters about `most` in number, none with lights farther off than epsilon.
+    // The purpose of c_f: about `most` clusters, none with lights farther off than epsilon.
     for most in [8, 16, 32, 72] {
         let mut lights: Vec<Light> =
             fibonacci_sphere(2000).take(1000).enumerate().map(|(i, d)| light(i as u32, d, 1.0)).collect();
@@ -195,7 +197,7 @@ fn degenerate_lists_have_their_answer() {
     let dark: Vec<Light> = same.iter().map(|light| Light { irradiance: [0.0; 3], ..*light }).collect();
     cluster(&dark, 4, &mut clusters, &mut places);
     assert!(clusters.is_empty() && places == [NO_CLUSTER; 50]);
-    // Alone, and bit for bit what it was.
+    // It is alone in its cluster, and bit for bit as it was.
     let odd = Light { direction: [0.6, 0.800_001, 0.0], spread_rad: 0.3, ..same[9] };
     cluster(&[dark[0], odd], 4, &mut clusters, &mut places);
     assert_eq!((clusters.as_slice(), places.as_slice()), (&[odd][..], &[NO_CLUSTER, 0][..]));

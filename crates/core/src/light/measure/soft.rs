@@ -9,9 +9,9 @@ use std::f64::consts::{PI, SQRT_2};
 /// A disc narrower than this is a direction.
 const LEAST_RADIUS_RAD: f64 = 1e-9;
 
-/// As [`super::Emitters::ground_cells`], each light counted for the part of its disc that the sphere leaves
-/// free; the cosine is that of its direction. Discs and the sphere's outline are taken as circles of a plane
-/// of angles.
+/// As [`super::Emitters::ground_cells`], with each light weighted by the part of its disc that the sphere
+/// does not hide; the cosine is that of its direction. Discs and the sphere's outline are treated as circles
+/// in a plane of angles.
 pub fn soft_ground_cells(lights: &[Light], cells: usize, points: usize) -> Vec<f64> {
     let discs: Vec<(DVec3, f64, f64)> = lights
         .iter()
@@ -24,7 +24,8 @@ pub fn soft_ground_cells(lights: &[Light], cells: usize, points: usize) -> Vec<f
     ground_points(cells, points, |x, z| {
         let to_centre = DVec3::new(-x, SPHERE_RADIUS, -z);
         let distance = to_centre.length();
-        // On the ground the sphere fills at most a right angle about its centre: at the point where it rests.
+        // Seen from the ground, the sphere's angular radius is at most a right angle: at the point where it
+        // rests.
         let outline_rad = (SPHERE_RADIUS / distance).min(1.0).asin();
         let middle = to_centre / distance;
         let of_disc = |&(towards, irradiance, radius_rad): &(DVec3, f64, f64)| {

@@ -117,7 +117,7 @@ fn every_cone_about_a_direction_lies_in_its_region() {
                 inside += usize::from(is_inside);
             }
         }
-        // As many as the solid angle of the cone says.
+        // The expected number follows from the solid angle of the cone.
         let expected = 0.5 * (1.0 - cos) * 2000.0 * 100_000.0 / 7.0;
         assert!((inside as f64 / expected - 1.0).abs() < 0.2, "{gamma_rad}: {inside}, {expected}");
     }
@@ -190,7 +190,7 @@ fn a_region_cut_short_keeps_the_first_lights_and_the_luminance_of_all() {
         .enumerate()
         .map(|(i, l)| light(exact(l.direction), i as f32))
         .collect();
-    // From pole to pole in the order of the Fibonacci points: mixed, so that order means something.
+    // The Fibonacci points run from pole to pole; they are shuffled, so that the order matters.
     lights.sort_by_key(|light| (light.irradiance[0] as u32 * 41) % 97);
     let (mut all, mut cut) = (RegionLists::default(), RegionLists::default());
     regions.assign(&lights, 97, &mut all);

@@ -1,4 +1,4 @@
-//! What leaves as direction and spread, by power and alike.
+//! Direction and spread of the output, with frames weighted by power and equally.
 
 use super::*;
 use crate::image::Stamp;
@@ -42,7 +42,7 @@ fn where_a_light_had_no_power_its_direction_does_not_count() {
         shining.map(|light| angle_between(towards(light), lit)).fold(0.0, f64::max)
     };
     assert!(off(&filter(Directions::ByPower, frames())) < 1e-6);
-    // The paper's filter sends it from in between.
+    // With the paper's filter it comes from in between.
     assert!(off(&filter(Directions::Alike, frames())) > 0.5);
 }
 

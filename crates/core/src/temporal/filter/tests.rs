@@ -31,7 +31,7 @@ fn lamp(t: usize, rate: f64, irradiance: f32) -> ReferencedList {
     list(t, rate, vec![light(0, direction(0.4, 1.0), [irradiance, 2.0 * irradiance, 0.5 * irradiance])])
 }
 
-/// Feeds lists, with the taps of their frame rate, and returns what leaves.
+/// Feeds lists, with the taps of their frame rate, and returns the output.
 fn run(lists: &[ReferencedList]) -> Vec<ReferencedList> {
     let mut filter = LightFilter::new(Taps::identity(), Directions::ByPower);
     let mut rate_hz = None;
@@ -163,7 +163,7 @@ fn a_source_that_jumps_to_the_opposite_side_goes_over_without_leaving_the_sphere
             left.iter().for_each(assert_lawful);
             let towards = |t: usize| DVec3::from_array(left[t].list.lights[0].direction.map(f64::from));
             assert!(angle_between(towards(49), from) < 1e-6 && angle_between(towards(199), to) < 1e-6);
-            // Never between the two, where nothing is: always near one of them.
+            // The direction is never between the two, where there is no light: it is always near one of them.
             let astray = (0..200)
                 .map(|t| angle_between(towards(t), from).min(angle_between(towards(t), to)))
                 .fold(0.0, f64::max);
@@ -186,7 +186,7 @@ fn directions_turn_smoothly_and_lag_by_the_delay() {
 
 #[test]
 fn a_hundred_turns_of_a_sun_leave_power_and_lag_as_in_the_first() {
-    // A degree a frame past a flickering lamp, so that there are debts to wind up.
+    // A degree a frame past a flickering lamp, so that debts could accumulate.
     let at = |t: usize| direction(1.0, (t as f64).to_radians());
     let mut filter = LightFilter::new(taps(25.0), Directions::ByPower);
     let mut filtered = ReferencedList::default();
