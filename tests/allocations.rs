@@ -1,19 +1,20 @@
-//! In the steady state, a frame causes no allocations in calibrate, light and filter. The stages, links and
-//! loop are those of the program, run under a counting allocator.
+//! In the steady state, a frame causes no allocations in calibrate, light and filter. The stages, links,
+//! fan-outs and loop are those of the program, run under a counting allocator.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 use lightcast::design::{FilterOptions, RateFilter};
 use lightcast::error::Result;
-use lightcast::rt::link::bounded;
+use lightcast::rt::fan_out::FanOut;
+use lightcast::rt::link::{bounded, lossy};
 use lightcast::rt::stage::{Flow, Nowhere, Stage, Tick, Ticks, run};
-use lightcast::rt::{Clock, Metrics, Shutdown};
+use lightcast::rt::{Clock, Counter, Metrics, Shutdown};
 use lightcast::stage::{Calibrate, Filter, Light};
 use lightcast_core::camera::{
     ExposureMerge, FrameToPolar, LOOKING_UP, Lens, LensParameters, Projection, Response, ResponseModel,
     SensorNoise,
 };
 use lightcast_core::image::{Bayer, Frame, Pixels, PolarMap, PolarShape, Stamp};
-use lightcast_core::light::{Extractor, Options, ReferencedList, Sampler};
+use lightcast_core::light::{Extractor, LightList, Options, ReferencedList, Sampler};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -67,9 +68,9 @@ const WARM_UP: u64 = 30;
 const FRAMES: u64 = 130;
 
 /// Number of one-time allocations that a thread may make in links: a channel allocates a list of waiters at
-/// the first wait (two channels per link, two links, and the shutdown), and a context for the thread. When
-/// that happens depends on timing. One allocation per frame would give 100.
-const FIRST_WAITS: u64 = 8;
+/// the first wait (two channels per link, up to three links, and the shutdown), and a context for the thread.
+/// When that happens depends on timing. One allocation per frame would give 100.
+const FIRST_WAITS: u64 = 10;
 
 /// Allocations after the warm-up.
 #[derive(Clone, Copy, Debug, Default)]
@@ -201,27 +202,47 @@ fn allocations(case: Case, disturb: fn(&mut Vec<Vec<u8>>)) -> [Allocations; 3] {
     let metrics = ["camera", "calibrate", "light", "filter", "end"].map(Metrics::new);
     let (frames_in, frames_out) = bounded(2, &shutdown, Frame::default);
     let (maps_in, maps_out) = bounded(2, &shutdown, || PolarMap::black(shape));
+    let (map_copies_in, map_copies_out) = lossy(2, Counter::default(), &shutdown, || PolarMap::black(shape));
     let (lists_in, lists_out) = bounded(2, &shutdown, ReferencedList::default);
     let (filtered_in, filtered_out) = bounded(2, &shutdown, ReferencedList::default);
+    let (list_copies_in, list_copies_out) = bounded(2, &shutdown, LightList::default);
+    let mut maps = FanOut::new(PolarMap::black(shape));
+    maps.set_next(maps_in);
+    maps.add(map_copies_in, 2);
+    let mut filtered = FanOut::new(ReferencedList::default());
+    filtered.set_next(filtered_in);
+    filtered.add(list_copies_in, 1);
     let mut counts = [Allocations::default(); 3];
     let [of_calibrate, of_light, of_filter] = &mut counts;
     let disturbed = Disturbed { stage: Filter(filter), disturb, taken: Vec::with_capacity(1000) };
     std::thread::scope(|scope| {
         let (clock, shutdown, metrics) = (&clock, &shutdown, &metrics);
+        scope.spawn(move || {
+            let mut maps = map_copies_out;
+            while maps.receive().is_some() {}
+        });
+        scope.spawn(move || {
+            let mut lists = list_copies_out;
+            let mut count = 0;
+            while lists.receive().is_some() {
+                count += 1;
+            }
+            assert_eq!(count, FRAMES);
+        });
         scope.spawn(|| {
             let camera = Camera { number: 0, bayer };
             run(camera, Ticks(shutdown.clone()), frames_in, clock, shutdown, &metrics[0])
         });
         scope.spawn(|| {
             let stage = Counted::new(Calibrate::new(frame_to_polar, response, &metrics[1]), of_calibrate);
-            run(stage, frames_out, maps_in, clock, shutdown, &metrics[1])
+            run(stage, frames_out, maps, clock, shutdown, &metrics[1])
         });
         scope.spawn(|| {
             let stage = Counted::new(Light(extractor), of_light);
             run(stage, maps_out, lists_in, clock, shutdown, &metrics[2])
         });
         scope.spawn(|| {
-            run(Counted::new(disturbed, of_filter), lists_out, filtered_in, clock, shutdown, &metrics[3])
+            run(Counted::new(disturbed, of_filter), lists_out, filtered, clock, shutdown, &metrics[3])
         });
         run(End, filtered_out, Nowhere, clock, shutdown, &metrics[4]).unwrap();
     });

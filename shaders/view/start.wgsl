@@ -29,7 +29,10 @@ fn panorama_at(d: vec3f) -> vec3f {
         return vec3f(0.0);
     }
     let size = vec2f(textureDimensions(panorama));
-    let at = vec2f(fract(atan2(d.z, d.x) / TAU), theta / background.rim_rad) * size - 0.5;
+    // At the poles WGSL leaves atan2 undefined; every azimuth is right there.
+    let is_pole = d.x == 0.0 && d.z == 0.0;
+    let azimuth = select(atan2(d.z, select(d.x, 1.0, is_pole)), 0.0, is_pole);
+    let at = vec2f(fract(azimuth / TAU), theta / background.rim_rad) * size - 0.5;
     let low = vec2i(floor(at));
     let f = at - floor(at);
     let first = mix(panorama_texel(low.x, low.y), panorama_texel(low.x + 1, low.y), f.x);

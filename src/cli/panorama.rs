@@ -30,35 +30,72 @@ pub(super) fn read_panorama(path: &Path, shape: PolarShape) -> Result<PolarMap> 
 
 /// [`read_panorama`] for maps of several shapes of one panorama.
 pub(super) fn read_panorama_as(path: &Path, shapes: &[PolarShape]) -> Result<Vec<PolarMap>> {
-    let mut frame = Frame::default();
-    let attributes = read(path, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
-    let name = display_name(path);
-    if matches!(frame.pixels, Pixels::Codes(_)) {
-        return Err(Error::failed(
-            "holds raw sensor codes; a panorama of radiance is needed, OpenEXR or Radiance HDR",
-        )
-        .at(&name));
+    Panorama::read(path)?.maps(shapes)
+}
+
+/// A panorama as it was read.
+pub(super) struct Panorama {
+    frame: Frame,
+    projection: Projection,
+    name: String,
+}
+
+impl Panorama {
+    /// Reads a panorama in any format that holds radiance; `-`: from standard input.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut frame = Frame::default();
+        let attributes = read(path, &mut frame).map_err(|error| error.with_kind(Kind::Failed))?;
+        let name = display_name(path);
+        if matches!(frame.pixels, Pixels::Codes(_)) {
+            return Err(Error::failed(
+                "holds raw sensor codes; a panorama of radiance is needed, OpenEXR or Radiance HDR",
+            )
+            .at(&name));
+        }
+        if let Some(note) = lat_long_note(frame.width, frame.height) {
+            tracing::warn!("{name}: {note}");
+        }
+        let projection = Projection::LatLong {
+            width: frame.width,
+            height: frame.height,
+            centres: attributes.latlong_centres,
+        };
+        Ok(Self { frame, projection, name })
     }
-    if let Some(note) = lat_long_note(frame.width, frame.height) {
-        tracing::warn!("{name}: {note}");
+
+    /// A shape with as many pixels as the file has, but at most `most_columns` columns.
+    pub fn own_shape(&self, most_columns: usize) -> Result<PolarShape> {
+        let Frame { width, height, .. } = self.frame;
+        let columns = width.min(most_columns);
+        let rows = (columns * height / width.max(1)).max(1);
+        Ok(PolarShape::new(columns, rows, PI)?)
     }
-    let projection =
-        Projection::LatLong { width: frame.width, height: frame.height, centres: attributes.latlong_centres };
-    let (response, mut counts) = (Response::default(), PixelCounts::default());
-    let mut average = |&shape: &PolarShape| {
-        let mut frame_to_polar = FrameToPolar::new(&projection, DMat3::IDENTITY, shape)?;
-        let mut map = PolarMap::black(shape);
-        counts = frame_to_polar
-            .apply(&frame, &response, &mut map)
-            .map_err(|error| Error::from(error).with_kind(Kind::Failed).at(&name))?;
-        Ok(map)
-    };
-    let maps = shapes.iter().map(&mut average).collect::<Result<Vec<_>>>()?;
-    let PixelCounts { nan, infinite, negative, .. } = counts;
-    if nan + infinite + negative > 0 {
-        tracing::warn!("{name}: taken as black: {nan} pixels NaN, {infinite} infinite, {negative} negative");
+
+    /// Averages over the pixels of a map of this shape.
+    pub fn map(&self, shape: PolarShape) -> Result<PolarMap> {
+        Ok(self.maps(&[shape])?.swap_remove(0))
     }
-    Ok(maps)
+
+    fn maps(&self, shapes: &[PolarShape]) -> Result<Vec<PolarMap>> {
+        let Self { frame, projection, name } = self;
+        let (response, mut counts) = (Response::default(), PixelCounts::default());
+        let mut average = |&shape: &PolarShape| {
+            let mut frame_to_polar = FrameToPolar::new(projection, DMat3::IDENTITY, shape)?;
+            let mut map = PolarMap::black(shape);
+            counts = frame_to_polar
+                .apply(frame, &response, &mut map)
+                .map_err(|error| Error::from(error).with_kind(Kind::Failed).at(name))?;
+            Ok(map)
+        };
+        let maps = shapes.iter().map(&mut average).collect::<Result<Vec<_>>>()?;
+        let PixelCounts { nan, infinite, negative, .. } = counts;
+        if nan + infinite + negative > 0 {
+            tracing::warn!(
+                "{name}: taken as black: {nan} pixels NaN, {infinite} infinite, {negative} negative"
+            );
+        }
+        Ok(maps)
+    }
 }
 
 /// Reads a picture file, or standard input to its end.

@@ -196,12 +196,12 @@ fn backend(arguments: &Arguments) -> Backend {
     }
 }
 
-fn options(arguments: &Arguments) -> Options {
+fn options(arguments: &Arguments) -> Result<Options> {
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
-    Options {
+    Ok(Options {
         width_px: side(arguments.size.columns),
         height_px: side(arguments.size.rows),
-        lighting: arguments.look.lighting(),
+        lighting: arguments.look.lighting()?,
         ground_albedo: arguments.look.ground_albedo(),
         directional: DirectionalOptions {
             lights: arguments.lights,
@@ -211,15 +211,14 @@ fn options(arguments: &Arguments) -> Options {
             clusters: arguments.clusters,
             ..DirectionalOptions::default()
         },
-        ..Options::default()
-    }
+    })
 }
 
 fn renderer(arguments: &Arguments, input: &Input) -> Result<Renderer> {
     let scene = scene(arguments)?;
     let gpu = Gpu::open(&Gpu::instance(backend(arguments)), None)?;
     tracing::info!("{} ({:?}, {})", gpu.info.name, gpu.info.backend, gpu.info.driver_info);
-    let mut renderer = Renderer::new(gpu, scene, &options(arguments))?;
+    let mut renderer = Renderer::new(gpu, scene, &options(arguments)?)?;
     renderer.set_look(&look(arguments, input)?)?;
     renderer.pose(arguments.time);
     Ok(renderer)

@@ -148,6 +148,8 @@ impl Other {
             }
         }
         list.stamp = map.stamp;
+        list.error = None;
+        list.prefix_errors.clear();
         (list.filter_delay_frames, list.chosen_lights) = (0, None);
         list.power = list.sum_of_lights();
     }

@@ -68,8 +68,12 @@ pub fn write_png16(path: &Path, frame: &Frame) -> Result<()> {
     };
     let colour = match frame.channels {
         1 => ExtendedColorType::L16,
-        4 => ExtendedColorType::Rgba16,
-        _ => ExtendedColorType::Rgb16,
+        3 => ExtendedColorType::Rgb16,
+        channels => {
+            return Err(
+                Error::failed(format!("has {channels} channels; PNG files of codes have 1 or 3")).at(path)
+            );
+        }
     };
     replace_file(path, |writer| {
         check_samples(frame.width, frame.height, frame.channels, codes.len())?;

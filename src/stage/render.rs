@@ -109,3 +109,58 @@ impl PictureWriter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::Gpu;
+    use crate::render::{Background, Exposure, Look, Options, Tone};
+    use crate::scene::Scene;
+    use lightcast_core::light::Light;
+
+    #[test]
+    fn alpha_multiplies_the_colours_of_openexr_and_leaves_those_of_png_alone() {
+        let Some(gpu) = Gpu::for_test() else { return };
+        let options = Options { width_px: 40, height_px: 30, ..Options::default() };
+        let mut renderer = Renderer::new(gpu, Scene::sphere_of_normals(64), &options).unwrap();
+        let look =
+            Look { background: Background::Transparent, exposure: Exposure::Stops(0.0), tone: Tone::Srgb };
+        renderer.set_look(&look).unwrap();
+        let light = Light { id: 0, direction: [0.0, 1.0, 0.0], irradiance: [0.9, 0.6, 0.3], spread_rad: 0.0 };
+        let camera = renderer.default_camera();
+        renderer.draw(&[light], &camera, 8).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let [exr, png] = ["a.exr", "a.png"].map(|name| folder.path().join(name));
+        let mut writer = PictureWriter::default();
+        writer.write(&mut renderer, 0.0, &exr, true).unwrap();
+        writer.write(&mut renderer, 0.0, &png, false).unwrap();
+
+        let png = ::image::open(&png).unwrap();
+        assert_eq!(png.color(), ::image::ColorType::Rgba8);
+        let png = png.into_rgba8();
+        let exr = ::exr::prelude::read_first_rgba_layer_from_file(
+            &exr,
+            |size, _| vec![[0.0; 4]; size.area()],
+            |pixels: &mut Vec<[f32; 4]>, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                pixels[at.y() * 40 + at.x()] = [r, g, b, a];
+            },
+        );
+        let exr = exr.unwrap().layer_data.channel_data.pixels;
+        let mut covered_in_part = 0;
+        for (linear, coded) in exr.iter().zip(png.pixels()) {
+            let alpha = linear[3];
+            assert!((alpha * 255.0 - f32::from(coded.0[3])).abs() <= 1.0, "{linear:?} {coded:?}");
+            if alpha == 0.0 {
+                continue;
+            }
+            covered_in_part += usize::from(alpha < 1.0);
+            for channel in 0..3 {
+                let straight = (linear[channel] / alpha).clamp(0.0, 1.0);
+                let expected = 255.0 * lightcast_core::math::srgb_from_linear(straight);
+                let difference = (f32::from(coded.0[channel]) - expected).abs();
+                assert!(difference <= 1.5, "{linear:?} {coded:?}");
+            }
+        }
+        assert!(covered_in_part > 20, "{covered_in_part}");
+    }
+}

@@ -131,10 +131,7 @@ fn a_reader_of_the_output_that_has_stopped_holds_up_no_client_no_reload_and_no_e
     let rate_hz = 199e9 / (captured_ns(&lists[199]) - captured_ns(&lists[0])) as f64;
     println!("{rate_hz:.2} lists a second beside a stalled reader of --output");
     assert!((24.9..25.1).contains(&rate_hz), "{rate_hz}");
-    let metrics = get(running.address, "/metrics", &[]).1;
-    let dropped = |line: &&str| line.starts_with("lightcast_stage_drops") && line.contains("\"publish\"");
-    let dropped = metrics.lines().find(dropped).unwrap_or_else(|| panic!("{metrics}"));
-    assert!(!dropped.ends_with(" 0"), "what the reader misses is counted: {dropped}");
+    assert!(drops(&running, "publish") > 0, "what the reader misses is counted");
     running.signal("HUP");
     running.wait_for("its reader takes nothing any more");
     assert_eq!(light_count(&mut socket), 24);
@@ -142,6 +139,58 @@ fn a_reader_of_the_output_that_has_stopped_holds_up_no_client_no_reload_and_no_e
     let code = running.child.wait().unwrap().code();
     assert_eq!(code, Some(1), "what was not written is told: {}", running.said());
     drop(stalled);
+}
+
+/// The drops of a stage, as `/metrics` has them.
+fn drops(running: &Running, stage: &str) -> u64 {
+    let metrics = get(running.address, "/metrics", &[]).1;
+    let is_of_stage =
+        |line: &&str| line.starts_with("lightcast_stage_drops") && line.contains(&format!("\"{stage}\""));
+    let line = metrics.lines().find(is_of_stage).unwrap_or_else(|| panic!("{metrics}"));
+    line.rsplit(' ').next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn a_recording_whose_disk_hangs_holds_up_no_client() {
+    let recording = endless();
+    let folder = recording.path().join("frames");
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--record"]).arg(&folder);
+    let mut running = Running::start(&mut command);
+    // The recorder waits for somebody who reads what it writes.
+    let name = |number: usize| folder.join(format!(".frame.{number:06}.exr.{}.part", running.child.id()));
+    let pipe = name(60);
+    make_pipe(&pipe);
+    let mut socket = client(&running);
+    // More than until that frame and its queue (30 frames) hold.
+    let lists: Vec<_> = (0..200).map(|_| next_json(&mut socket)).collect();
+    assert!(lists.iter().all(|list| list["stream"]["lost"] == 0), "{lists:?}");
+    assert!(!folder.join("frame.000060.exr").exists());
+    assert!(drops(&running, "record") > 0, "what the disk misses is counted");
+    let reader = fs::File::open(&pipe).unwrap();
+    running.signal("TERM");
+    drop(reader);
+    running.child.wait().unwrap();
+}
+
+#[test]
+fn an_output_whose_reader_has_gone_ends_alone_and_says_so() {
+    let recording = endless();
+    let pipe = recording.path().join("lists");
+    make_pipe(&pipe);
+    let reader = {
+        let pipe = pipe.clone();
+        let open = move || fs::File::open(pipe).unwrap();
+        std::thread::Builder::new().name("pipe".into()).spawn(open).unwrap()
+    };
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&pipe);
+    let mut running = Running::start(&mut command);
+    drop(reader.join().unwrap());
+    running.wait_for("publish is done, or has no reader any more; all else goes on");
+    let mut socket = client(&running);
+    assert_eq!(light_count(&mut socket), 24);
+    running.end();
 }
 
 #[test]

@@ -1,14 +1,11 @@
 //! The light of a picture, the parts of the scene that are in it, and its look.
 
 use crate::cli::input::is_standard_input;
-use crate::cli::panorama::read_panorama;
+use crate::cli::panorama::Panorama;
 use crate::error::{Error, Result};
-use crate::files;
 use crate::render::{self, Background, Exposure, Lightings};
 use crate::scene::{Roles, Scene};
 use clap::ValueEnum;
-use lightcast_core::image::{Frame, PolarShape};
-use std::f64::consts::PI;
 use std::path::Path;
 
 #[derive(Debug, clap::Args)]
@@ -77,9 +74,23 @@ enum ToneName {
 const MOST_COLUMNS: usize = 4096;
 
 impl Look {
-    pub(super) fn lighting(&self) -> Lightings {
+    /// The lightings that are summed.
+    ///
+    /// # Errors
+    /// `Usage` where the light of a ground and the ground's albedo are not given together.
+    pub(super) fn lighting(&self) -> Result<Lightings> {
         let has = |name| self.lighting.contains(&name);
-        Lightings { directional: has(LightingName::Directional), ambient: has(LightingName::Ambient) }
+        let lightings =
+            Lightings { directional: has(LightingName::Directional), ambient: has(LightingName::Ambient) };
+        if lightings == (Lightings { directional: false, ambient: true }) && self.ground_albedo == 0.0 {
+            return Err(Error::usage("--lighting ambient alone needs --ground-albedo; of 0 comes no light"));
+        }
+        if self.ground_albedo > 0.0 && !lightings.ambient {
+            return Err(Error::usage(
+                "--ground-albedo is for --lighting ambient; add it or leave the albedo out",
+            ));
+        }
+        Ok(lightings)
     }
 
     pub(super) fn ground_albedo(&self) -> f32 {
@@ -116,7 +127,8 @@ impl Look {
                         "--background panorama reads the panorama again; give a file, not `-`",
                     ));
                 }
-                Background::Panorama(read_panorama(path, own_shape(path)?)?)
+                let panorama = Panorama::read(path)?;
+                Background::Panorama(panorama.map(panorama.own_shape(MOST_COLUMNS)?)?)
             }
         };
         Ok(render::Look {
@@ -129,15 +141,6 @@ impl Look {
             },
         })
     }
-}
-
-/// As many pixels as the file has, within what a device holds.
-fn own_shape(path: &Path) -> Result<PolarShape> {
-    let mut frame = Frame::default();
-    files::read(path, &mut frame)?;
-    let columns = frame.width.min(MOST_COLUMNS);
-    let rows = (columns * frame.height / frame.width.max(1)).max(1);
-    Ok(PolarShape::new(columns, rows, PI)?)
 }
 
 fn albedo(text: &str) -> Result<f32, String> {

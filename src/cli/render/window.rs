@@ -70,7 +70,7 @@ impl Window<'_> {
 
     fn show(self, source: LightSource, scene: Scene, map: PolarMap) -> Result<()> {
         let Self { arguments, name, look, display, closing } = self;
-        let options = options(arguments);
+        let options = options(arguments)?;
         let budget = arguments.budget.map(|budget_ms| {
             let default = BudgetOptions::default();
             let reserved = &options.directional;

@@ -73,7 +73,8 @@ fn ground_radiance(lights: &[Light], albedo: f32) -> Vec3 {
         shares.sum()
     };
     let scale = f64::from(albedo) / std::f64::consts::PI;
-    Vec3::from_array([0, 1, 2].map(|channel| (scale * sum(channel)) as f32))
+    // Not infinite: the shader multiplies it by 0 on level ground.
+    Vec3::from_array([0, 1, 2].map(|channel| (scale * sum(channel)).min(f64::from(f32::MAX)) as f32))
 }
 
 /// CPU twin of `shaders/ambient/shade.wgsl`.

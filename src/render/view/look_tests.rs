@@ -9,7 +9,8 @@ use crate::scene::{Camera, Material, Scene};
 use glam::{UVec2, Vec3};
 use lightcast_core::image::{PolarMap, PolarShape};
 
-const SIZE: [u32; 2] = [64, 48];
+/// Odd, so that a ray through the middle meets a pole.
+const SIZE: [u32; 2] = [65, 49];
 
 fn renderer(scene: Scene) -> Option<Renderer> {
     let options = Options { width_px: SIZE[0], height_px: SIZE[1], ..Options::default() };

@@ -28,7 +28,7 @@ impl PolarShape {
     ///
     /// # Errors
     /// `Usage`, naming `columns`, `rows` or `theta_max_deg`: sides of 0 or more than [`Self::MAX_SIDE_PX`]
-    /// pixels, more than [`Self::MAX_PIXELS`] in all, a rim above [`Self::LEAST_THETA_MAX_DEG`] or beyond 180
+    /// pixels, more than [`Self::MAX_PIXELS`] in all, a rim below 0.1 degrees or beyond 180
     /// degrees.
     pub fn new(columns: usize, rows: usize, theta_max_rad: f64) -> Result<Self> {
         for (name, side_px) in [("columns", columns), ("rows", rows)] {

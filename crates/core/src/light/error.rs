@@ -141,9 +141,14 @@ impl ListError {
     }
 
     /// Fills in the error and the prefix errors of a list whose lights and reference irradiances are
-    /// complete.
+    /// complete. Without a reference there is no error.
     pub fn measure(&mut self, referenced: &mut ReferencedList) {
         let ReferencedList { list, reference_irradiance } = referenced;
+        if reference_irradiance.is_empty() {
+            list.error = None;
+            list.prefix_errors.clear();
+            return;
+        }
         self.prefix_errors(&list.lights, reference_irradiance, &mut list.prefix_errors);
         list.error = list.prefix_errors.last().map(|&(_, error)| error);
     }

@@ -100,6 +100,8 @@ impl Extractor {
         assert!(map.shape == self.shape && map.pixels.len() == self.shape.len(), "the map's shape");
         list.stamp = map.stamp;
         list.filter_delay_frames = 0;
+        list.error = None;
+        list.prefix_errors.clear();
         self.method.extract(map, &mut list.lights);
         list.power = list.sum_of_lights();
         list.chosen_lights = match &self.method {
