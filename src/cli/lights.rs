@@ -1,5 +1,5 @@
 use super::input::Input;
-use super::panorama::{map_shape, read_panorama};
+use super::panorama::{PanoramaArguments, map_shape, read_panorama};
 use super::resolution::Resolution;
 use crate::compare::{AnyExtractor, Inversion, Options, Sampler};
 use crate::error::{Error, Result};
@@ -58,6 +58,9 @@ pub(super) struct Arguments {
     /// 360x180, with --hemisphere 360x90].
     #[arg(long, value_name = "COLUMNSxROWS")]
     resolution: Option<Resolution>,
+
+    #[command(flatten)]
+    panorama: PanoramaArguments,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -110,7 +113,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let panorama = Input::panorama(&arguments.input, "lights")?;
     let picture = arguments.picture.as_deref().map(png).transpose()?;
     let shape = map_shape(arguments.resolution, arguments.hemisphere)?;
-    let map = read_panorama(&panorama, shape)?;
+    let map = read_panorama(&panorama, arguments.panorama, shape)?;
     let options = Options {
         count: arguments.lights,
         sampler: arguments.sampler.into(),

@@ -6,6 +6,7 @@ mod window;
 
 use super::input::{Input, InputArguments};
 use super::lights::SamplerName;
+use super::panorama::PanoramaArguments;
 use super::resolution::Resolution;
 use crate::compare::{self, AnyExtractor, Inversion};
 use crate::error::{Error, Result};
@@ -119,6 +120,9 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "COLUMNSxROWS")]
     resolution: Option<Resolution>,
 
+    #[command(flatten)]
+    panorama: PanoramaArguments,
+
     /// Take every pixel of the polar map as a light, with hard shadows: slow, the reference for all else.
     #[arg(long)]
     reference: bool,
@@ -229,7 +233,7 @@ fn look(arguments: &Arguments, input: &Input) -> Result<render::Look> {
         Input::Panorama(path) => Some(path.as_path()),
         _ => None,
     };
-    arguments.look.of_pictures(panorama)
+    arguments.look.of_pictures(panorama, arguments.panorama)
 }
 
 fn samples(arguments: &Arguments) -> u32 {

@@ -6,6 +6,7 @@ mod options;
 mod pictures;
 mod sequences;
 
+use super::panorama::PanoramaArguments;
 use super::signals::SignalWatch;
 use super::standard_output::print;
 use crate::compare::stability;
@@ -48,6 +49,9 @@ pub(super) struct Arguments {
     /// A configuration as a further INPUT, whatever it is called. May be given several times.
     #[arg(long, value_name = "FILE")]
     config: Vec<PathBuf>,
+
+    #[command(flatten)]
+    panorama: PanoramaArguments,
 
     /// Folder for the report; made if it is not there. Files of the same names are replaced.
     #[arg(long, short, value_name = "DIR", default_value = "report")]

@@ -1,6 +1,6 @@
 use super::input::{Input, display_name, is_standard_input};
 use super::messages::PROGRESS;
-use super::panorama::{map_shape, read_panorama};
+use super::panorama::{PanoramaArguments, map_shape, read_panorama};
 use super::progress::Progress;
 use super::render::load_scene;
 use super::resolution::Resolution;
@@ -30,6 +30,9 @@ pub(super) struct Arguments {
     #[arg(required = true)]
     maps: Vec<PathBuf>,
 
+    #[command(flatten)]
+    panorama: PanoramaArguments,
+
     /// Scenes beside the built-in one: glTF, OBJ or PLY; each is put on a ground. May be given several times.
     #[arg(long, value_name = "FILE")]
     scene: Vec<PathBuf>,
@@ -55,7 +58,8 @@ pub(super) struct Arguments {
 
 /// Prints as it measures, so that what is done is not lost when the rest is interrupted.
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
-    let Arguments { maps, scene: scenes, size, resolution, shadow_maps, plot: plot_file } = arguments;
+    let Arguments { maps, panorama: how, scene: scenes, size, resolution, shadow_maps, plot: plot_file } =
+        arguments;
     if let Some(folder) = plot_file.as_deref().and_then(Path::parent) {
         std::fs::create_dir_all(folder).map_err(|error| {
             Error::failed("the folder for the plot cannot be made").because(error).at(folder)
@@ -66,7 +70,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let shape = map_shape(Some(*resolution), true)?;
     let map = |path: &PathBuf| {
         let panorama = Input::panorama(path, "report-pictures")?;
-        Ok((name(path), read_panorama(&panorama, shape)?))
+        Ok((name(path), read_panorama(&panorama, *how, shape)?))
     };
     let maps = maps.iter().map(map).collect::<Result<Vec<_>>>()?;
     let mut models = vec![("built-in scene".to_owned(), Scene::built_in())];

@@ -1,6 +1,6 @@
 use super::input::Input;
 use super::messages::PROGRESS;
-use super::panorama::read_panorama;
+use super::panorama::{PanoramaArguments, read_panorama};
 use super::progress::Progress;
 use super::report_pictures::name;
 use super::standard_output::print;
@@ -26,6 +26,9 @@ use std::path::PathBuf;
 pub(super) struct Arguments {
     /// Panoramas: OpenEXR or Radiance HDR; `-` for one on standard input.
     maps: Vec<PathBuf>,
+
+    #[command(flatten)]
+    panorama: PanoramaArguments,
 }
 
 /// Prints as it measures, so that what is done is not lost when the rest is interrupted.
@@ -33,7 +36,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let mut maps = Vec::new();
     for path in &arguments.maps {
         let panorama = Input::panorama(path, "report-speed")?;
-        maps.push((name(path), read_panorama(&panorama, cases::SHAPE)?));
+        maps.push((name(path), read_panorama(&panorama, arguments.panorama, cases::SHAPE)?));
     }
     if maps.is_empty() {
         maps.push(("a made-up map".to_owned(), cases::made_up_map()));

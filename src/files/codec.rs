@@ -20,6 +20,10 @@ pub struct Attributes {
     pub frame_rate_hz: Option<f64>,
     /// How the pixels lie if the picture is a lat-long map.
     pub latlong_centres: LatLongCentres,
+    /// Samples that were infinite, because they were beyond what half floats hold or what a renderer could
+    /// add up, and are read as the largest value: 65504 of half floats, else the largest finite one of the
+    /// picture.
+    pub overflowed: u64,
     /// When it was captured, by the clock of the camera; only recorded files say so.
     pub capture_time_ns: Option<i64>,
 }

@@ -3,6 +3,7 @@
 //! ([`exposure_settings`]).
 
 mod codec;
+mod colour_space;
 mod dispatch;
 mod exposure;
 mod jpeg;

@@ -1,8 +1,12 @@
 //! Reading OpenEXR pictures: half, float and uint channels, scan lines or tiles, full resolution.
 //!
-//! - The data window is the picture; its position in the display window is ignored.
+//! - The display window is the picture. Where the data window does not fill it the picture is black; what lies
+//!   outside of it (overscan) is cut off.
 //! - In a file with several parts the first with channels named exactly `R`, `G` and `B` is taken, else the
-//!   first with `Y`. Names with a layer in front (`diffuse.R`), alpha and everything else are left out.
+//!   first with `Y`, else the only layer that has R, G and B (`ViewLayer.Combined.R`). Alpha, other layers and
+//!   everything else are left out.
+//! - `chromaticities` other than those of Rec. 709 are converted to these. `inf`, which is what becomes of a sun
+//!   in half floats, is read as the largest value.
 //! - Only the full resolution of mip maps and rip maps is read.
 //! - Files that `lightcast` recorded hold sensor codes as uint channels; the attributes of [`attribute`] say
 //!   so.
@@ -19,12 +23,15 @@ mod write;
 pub use write::{encode_exr, encode_map_exr, write_exr, write_recorded_exr};
 
 use super::codec::{Attributes, check_size, guarded, resize, with_codes, with_radiance};
+use super::colour_space::{Primaries, convert};
 use crate::error::{Error, Result};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, CompressedBlock};
-use exr::meta::attribute::{ChannelList, Compression, EnvironmentMap, SampleType};
+use exr::block::lines::LineRef;
+use exr::meta::attribute::{ChannelList, Chromaticities, Compression, EnvironmentMap, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::{MetaData, f16};
+use glam::{DMat3, DVec2};
 use lightcast_core::image::{Bayer, Frame, LatLongCentres};
 use std::io::{Cursor, Read, Seek};
 
@@ -35,8 +42,13 @@ const MAX_BLOCK_BYTES: usize = 1 << 30;
 /// What to take from a file, decided from its header alone.
 struct Plan {
     part: usize,
+    /// Of the display window.
     width: usize,
     height: usize,
+    /// Columns and rows of the data window.
+    data: (usize, usize),
+    /// Where the data window begins in the display window.
+    offset: (i64, i64),
     channels: usize,
     /// For every channel of the part, its index in a pixel of the frame.
     places: Vec<Option<usize>>,
@@ -45,7 +57,17 @@ struct Plan {
     /// Whether the samples are sensor codes.
     is_codes: bool,
     bayer: Option<Bayer>,
+    /// To Rec. 709, where the file has other primaries.
+    to_rec_709: Option<DMat3>,
     attributes: Attributes,
+}
+
+impl Plan {
+    /// Whether the data window fills the picture.
+    fn fills(&self) -> bool {
+        let ends = |offset: i64, data: usize, side: usize| offset <= 0 && offset + data as i64 >= side as i64;
+        ends(self.offset.0, self.data.0, self.width) && ends(self.offset.1, self.data.1, self.height)
+    }
 }
 
 /// Reads an OpenEXR file in memory as [`read`](super::read) reads one.
@@ -62,8 +84,8 @@ pub fn decode_exr(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
 pub(super) fn read(mut source: impl Read + Seek, file_bytes: u64, frame: &mut Frame) -> Result<Attributes> {
     // The header is read twice: once on its own, so that everything is checked before `exr` acts on it.
     let meta = MetaData::read_from_buffered(&mut source, false).map_err(damaged)?;
-    let plan = plan(&meta, file_bytes)?;
-    source.rewind().map_err(damaged)?;
+    let mut plan = plan(&meta, file_bytes)?;
+    source.rewind().map_err(|error| damaged(error.into()))?;
     let chunks = exr::block::read(source, false)
         .and_then(|reader| {
             reader.filter_chunks(false, |_, tile, block| {
@@ -74,15 +96,47 @@ pub(super) fn read(mut source: impl Read + Seek, file_bytes: u64, frame: &mut Fr
     if plan.is_codes {
         with_codes(frame, |codes| decode(&meta, &plan, chunks, codes))?;
     } else {
-        with_radiance(frame, |values| decode(&meta, &plan, chunks, values))?;
+        plan.attributes.overflowed = with_radiance(frame, |values| {
+            let infinite = decode(&meta, &plan, chunks, values)?;
+            if infinite > 0 {
+                replace_infinite(values, &plan, &meta.headers[plan.part]);
+            }
+            if let Some(matrix) = &plan.to_rec_709 {
+                convert(values, matrix);
+            }
+            Ok(infinite)
+        })?;
     }
     frame.bayer = plan.bayer;
     (frame.width, frame.height, frame.channels) = (plan.width, plan.height, plan.channels);
     Ok(plan.attributes)
 }
 
-fn damaged(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error {
-    Error::bad_frame("cannot be decoded as OpenEXR; is it complete?").because(error)
+/// The largest half float.
+const HALF_MAX: f32 = 65_504.0;
+
+/// Gives samples of infinity the largest value that they may have had.
+fn replace_infinite(values: &mut [f32], plan: &Plan, header: &Header) {
+    let largest = values.iter().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
+    for (place, channel) in plan.places.iter().zip(&header.channels.list) {
+        let Some(place) = *place else { continue };
+        let is_half = channel.sample_type == SampleType::F16;
+        let most = if is_half || largest == 0.0 { HALF_MAX } else { largest };
+        for value in
+            values[place..].iter_mut().step_by(plan.channels).filter(|value| **value == f32::INFINITY)
+        {
+            *value = most;
+        }
+    }
+}
+
+fn damaged(error: exr::error::Error) -> Error {
+    match error {
+        exr::error::Error::NotSupported(what) => Error::bad_frame(format!(
+            "holds what is not read here ({what}); convert it, for instance `oiiotool IN.exr --compression zip -o OUT.exr`"
+        )),
+        error => Error::bad_frame("cannot be decoded as OpenEXR; is it complete?").because(error),
+    }
 }
 
 fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
@@ -101,6 +155,30 @@ fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
 
     let (part, names) = choose(meta)?;
     let header = &meta.headers[part];
+    if let Compression::HTJ2K32 | Compression::HTJ2K256 = header.compression {
+        return Err(damaged(exr::error::Error::NotSupported("HTJ2K compression".into())));
+    }
+    let display = header.shared_attributes.display_window;
+    let data = header.own_attributes.layer_position;
+    let (width, height) = (display.size.0, display.size.1);
+    check_size(width, height)?;
+    let offset = |data: i32, display: i32| i64::from(data) - i64::from(display);
+    let offset = (offset(data.0, display.position.0), offset(data.1, display.position.1));
+    let is_outside =
+        |offset: i64, data: usize, side: usize| offset >= side as i64 || offset + data as i64 <= 0;
+    if is_outside(offset.0, header.layer_size.0, width) || is_outside(offset.1, header.layer_size.1, height) {
+        return Err(Error::bad_frame(
+            "has a data window that lies outside of its display window: it shows nothing",
+        ));
+    }
+    let to_rec_709 = match &header.shared_attributes.chromaticities {
+        Some(Chromaticities { red, green, blue, white }) if names.len() == 3 => {
+            let xy = |xy: &exr::math::Vec2<f32>| DVec2::new(xy.0.into(), xy.1.into());
+            Primaries { red: xy(red), green: xy(green), blue: xy(blue), white: xy(white) }
+                .to_rec_709("chromaticities")?
+        }
+        _ => None,
+    };
     let latlong_centres = match header.own_attributes.environment_map {
         None => LatLongCentres::Half,
         Some(EnvironmentMap::LatitudeLongitude) => LatLongCentres::Ends,
@@ -111,17 +189,19 @@ fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
     let rate = header.own_attributes.frames_per_second;
     let frame_rate_hz = rate.map(|(count, seconds)| f64::from(count) / f64::from(seconds));
     let block = header.max_block_pixel_size();
-    let recorded = attribute::read(header, names)?;
+    let recorded = attribute::read(header, &names)?;
     Ok(Plan {
         part,
-        width: header.layer_size.0,
-        height: header.layer_size.1,
+        width,
+        height,
+        data: (header.layer_size.0, header.layer_size.1),
+        offset,
         channels: names.len(),
         places: header
             .channels
             .list
             .iter()
-            .map(|channel| names.iter().position(|name| channel.name.eq(name)))
+            .map(|channel| names.iter().position(|name| channel.name.eq(name.as_str())))
             .collect(),
         block: (block.0, block.1),
         attributes: Attributes {
@@ -130,8 +210,10 @@ fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
                 .frame_rate_hz
                 .or(frame_rate_hz.filter(|rate| rate.is_finite() && *rate > 0.0)),
             latlong_centres,
+            overflowed: 0,
             capture_time_ns: recorded.capture_time_ns,
         },
+        to_rec_709,
         is_codes: recorded.is_codes,
         bayer: recorded.bayer,
     })
@@ -167,7 +249,7 @@ fn check_part(header: &Header) -> Result<()> {
 }
 
 /// The part to read and the names of its channels in the order of the frame.
-fn choose(meta: &MetaData) -> Result<(usize, &'static [&'static str])> {
+fn choose(meta: &MetaData) -> Result<(usize, Vec<String>)> {
     let has = |header: &Header, name: &str| header.channels.list.iter().any(|channel| channel.name.eq(name));
     for wanted in [&["R", "G", "B"][..], &["Y"][..]] {
         let found = meta.headers.iter().position(|header| wanted.iter().all(|name| has(header, name)));
@@ -177,14 +259,34 @@ fn choose(meta: &MetaData) -> Result<(usize, &'static [&'static str])> {
                     "holds luminance and chroma (channels Y, RY, BY); save it as RGB",
                 ));
             }
-            return Ok((part, wanted));
+            return Ok((part, wanted.iter().map(|name| (*name).to_owned()).collect()));
         }
     }
+    // Programs that write layers name them all, also where there is one only.
+    let layers: Vec<(usize, String)> = meta
+        .headers
+        .iter()
+        .enumerate()
+        .flat_map(|(part, header)| {
+            header.channels.list.iter().map(move |channel| (part, channel.name.to_string()))
+        })
+        .filter_map(|(part, name)| Some((part, name.strip_suffix(".R")?.to_owned())))
+        .filter(|(part, layer)| {
+            ["G", "B"].iter().all(|colour| has(&meta.headers[*part], &format!("{layer}.{colour}")))
+        })
+        .collect();
+    if let [(part, layer)] = &layers[..] {
+        return Ok((*part, ["R", "G", "B"].map(|colour| format!("{layer}.{colour}")).to_vec()));
+    }
+    if !layers.is_empty() {
+        let layers: Vec<&str> = layers.iter().map(|(_, layer)| layer.as_str()).collect();
+        return Err(Error::bad_frame(format!(
+            "has several layers ({}) and none of plain R, G and B; save the one that is meant alone",
+            layers.join(", ")
+        )));
+    }
     let all: Vec<String> = meta.headers.iter().map(|header| names(&header.channels)).collect();
-    Err(Error::bad_frame(format!(
-        "has the channels {}; R, G and B, or Y, are needed under just these names",
-        all.join("; ")
-    )))
+    Err(Error::bad_frame(format!("has the channels {}; R, G and B, or Y, are needed", all.join("; "))))
 }
 
 fn names(channels: &ChannelList) -> String {
@@ -225,10 +327,11 @@ fn decode<T: Sample>(
     plan: &Plan,
     chunks: impl ExactSizeIterator<Item = exr::error::Result<Chunk>>,
     values: &mut Vec<T>,
-) -> Result<()> {
+) -> Result<u64> {
     let header = &meta.headers[plan.part];
-    let block_columns = plan.width.div_ceil(plan.block.0);
-    let mut missing = vec![true; block_columns * plan.height.div_ceil(plan.block.1)];
+    let block_columns = plan.data.0.div_ceil(plan.block.0);
+    let mut missing = vec![true; block_columns * plan.data.1.div_ceil(plan.block.1)];
+    let mut infinite = 0_u64;
     let samples = plan.width * plan.height * plan.channels;
     for (number, chunk) in chunks.enumerate() {
         let chunk = chunk.map_err(damaged)?;
@@ -237,6 +340,9 @@ fn decode<T: Sample>(
         if number == 0 {
             // Nothing is allocated before one block has confirmed the header.
             resize(values, samples);
+            if !plan.fills() {
+                values.fill(T::default());
+            }
         }
         // The offset table may point to any block: each must occur exactly once, or old pixels would remain.
         let (x, y) = (block.index.pixel_position.0, block.index.pixel_position.1);
@@ -248,17 +354,31 @@ fn decode<T: Sample>(
         }
         for line in block.lines(&header.channels) {
             let Some(place) = plan.places[line.location.channel] else { continue };
-            let start = (line.location.position.1 * plan.width + line.location.position.0) * plan.channels;
-            let to = values[start + place..].iter_mut().step_by(plan.channels);
+            let Some((row, column, cut)) = placed(&line, plan) else { continue };
+            let start = (row * plan.width + column) * plan.channels;
+            let count = line.location.sample_count - cut;
+            let to = values[start + place..]
+                .iter_mut()
+                .step_by(plan.channels)
+                .take(plan.width - column)
+                .take(count);
             match header.channels.list[line.location.channel].sample_type {
-                SampleType::F16 => to
-                    .zip(line.value.as_chunks().0)
-                    .for_each(|(to, &bytes)| *to = T::from_float(f16::from_ne_bytes(bytes).to_f32())),
-                SampleType::F32 => to
-                    .zip(line.value.as_chunks().0)
-                    .for_each(|(to, &bytes)| *to = T::from_float(f32::from_ne_bytes(bytes))),
+                SampleType::F16 => {
+                    for (to, &bytes) in to.zip(&line.value.as_chunks().0[cut..]) {
+                        let value = f16::from_ne_bytes(bytes).to_f32();
+                        infinite += u64::from(value == f32::INFINITY);
+                        *to = T::from_float(value);
+                    }
+                }
+                SampleType::F32 => {
+                    for (to, &bytes) in to.zip(&line.value.as_chunks().0[cut..]) {
+                        let value = f32::from_ne_bytes(bytes);
+                        infinite += u64::from(value == f32::INFINITY);
+                        *to = T::from_float(value);
+                    }
+                }
                 SampleType::U32 => {
-                    for (to, &bytes) in to.zip(line.value.as_chunks().0) {
+                    for (to, &bytes) in to.zip(&line.value.as_chunks().0[cut..]) {
                         let value = u32::from_ne_bytes(bytes);
                         *to = T::from_whole(value).ok_or_else(|| {
                             Error::bad_frame(format!("holds the sensor code {value}; codes have 16 bits"))
@@ -269,11 +389,22 @@ fn decode<T: Sample>(
         }
     }
     match missing.iter().filter(|missing| **missing).count() {
-        0 => Ok(()),
+        0 => Ok(infinite),
         count => {
             Err(Error::bad_frame(format!("is damaged: {count} of {} blocks are missing", missing.len())))
         }
     }
+}
+
+/// Row and column of the picture where a line of a block begins, and how many of its samples lie left of it;
+/// `None` for a line outside of the picture.
+fn placed(line: &LineRef<'_>, plan: &Plan) -> Option<(usize, usize, usize)> {
+    let at = |position: usize, offset: i64| i64::try_from(position).ok().map(|position| position + offset);
+    let (x, y) = (at(line.location.position.0, plan.offset.0)?, at(line.location.position.1, plan.offset.1)?);
+    let row = usize::try_from(y).ok().filter(|row| *row < plan.height)?;
+    let cut = usize::try_from(-x).unwrap_or(0);
+    let column = usize::try_from(x).unwrap_or(0);
+    (cut < line.location.sample_count && column < plan.width).then_some((row, column, cut))
 }
 
 /// Refuses DWA blocks whose counters claim more than their pixels can need.

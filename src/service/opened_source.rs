@@ -47,12 +47,14 @@ impl OpenedSource {
     pub fn open(config: &Config) -> Result<Self> {
         match &config.source {
             config::SourceOptions::Sequence(options) => {
-                let sequence = Sequence::open(options)?;
+                let mut sequence = Sequence::open(options)?;
+                let metrics = Metrics::new(SOURCE);
+                sequence.count_overflowed(metrics.counter("samples beyond the numbers of their files"));
                 Ok(Self {
                     format: sequence.format(),
                     frames: Frames::Sequence(sequence),
                     name: options.path.display().to_string(),
-                    metrics: Metrics::new(SOURCE),
+                    metrics,
                     exposure_s: None,
                     utc_from_capture_ns: None,
                     epoch: CaptureEpoch::default(),

@@ -16,6 +16,7 @@ mod tests;
 use super::{FrameSource, Next, pattern};
 use crate::error::{Error, Result};
 use crate::files::{Attributes, read};
+use crate::rt::Counter;
 use lightcast_core::image::{Bayer, Frame, LatLongCentres, Pixels};
 use std::path::{Path, PathBuf};
 
@@ -99,6 +100,8 @@ pub struct Sequence {
     expected: u64,
     /// Files since the last usable one.
     bad_in_a_row: usize,
+    /// Samples that were infinite, see [`Attributes::overflowed`].
+    overflowed: Counter,
 }
 
 impl Sequence {
@@ -148,7 +151,14 @@ impl Sequence {
             index: 0,
             pass: 0,
             bad_in_a_row: 0,
+            overflowed: Counter::default(),
         })
+    }
+
+    /// Counts samples that were infinite in the files, and are the largest value that they may have had in
+    /// the frames, by `overflowed` from now on.
+    pub fn count_overflowed(&mut self, overflowed: Counter) {
+        self.overflowed = overflowed;
     }
 
     /// The format of every frame.
@@ -246,7 +256,8 @@ impl FrameSource for Sequence {
         let (number, path) = &self.files[self.index];
         self.index += 1;
         self.bad_in_a_row += 1;
-        let capture_time_ns = self.fill(path, frame)?.capture_time_ns;
+        let Attributes { capture_time_ns, overflowed, .. } = self.fill(path, frame)?;
+        self.overflowed.add(overflowed);
         self.bad_in_a_row = 0;
 
         // Overflow would require a sequence of 2^64 frames.

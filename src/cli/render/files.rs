@@ -32,7 +32,8 @@ pub(super) fn run(arguments: &Arguments, input: &Input, target: &Target) -> Resu
 }
 
 fn render_panorama(arguments: &Arguments, input: &Input, panorama: &Path, target: &Target) -> Result<()> {
-    let map = read_panorama(panorama, map_shape(arguments.resolution, arguments.hemisphere)?)?;
+    let shape = map_shape(arguments.resolution, arguments.hemisphere)?;
+    let map = read_panorama(panorama, arguments.panorama, shape)?;
     let mut renderer = renderer(arguments, input)?;
     let camera = camera(arguments, &renderer)?;
     if arguments.reference {

@@ -1,7 +1,7 @@
 //! The light of a picture, the parts of the scene that are in it, and its look.
 
 use crate::cli::input::is_standard_input;
-use crate::cli::panorama::Panorama;
+use crate::cli::panorama::{Panorama, PanoramaArguments};
 use crate::error::{Error, Result};
 use crate::render::{self, Background, Exposure, Lightings};
 use crate::scene::{Roles, Scene};
@@ -113,7 +113,11 @@ impl Look {
     }
 
     /// How pictures look; `panorama`: INPUT, if it is one.
-    pub(super) fn of_pictures(&self, panorama: Option<&Path>) -> Result<render::Look> {
+    pub(super) fn of_pictures(
+        &self,
+        panorama: Option<&Path>,
+        how: PanoramaArguments,
+    ) -> Result<render::Look> {
         let background = match self.background {
             None => Background::Grey,
             Some(BackgroundName::Colour(colour)) => Background::Colour(colour),
@@ -127,7 +131,7 @@ impl Look {
                         "--background panorama reads the panorama again; give a file, not `-`",
                     ));
                 }
-                let panorama = Panorama::read(path)?;
+                let panorama = Panorama::read(path, how)?;
                 Background::Panorama(panorama.map(panorama.own_shape(MOST_COLUMNS)?)?)
             }
         };

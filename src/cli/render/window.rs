@@ -51,7 +51,8 @@ struct Window<'a> {
 
 impl Window<'_> {
     fn show_panorama(self, path: &Path) -> Result<()> {
-        let map = read_panorama(path, map_shape(self.arguments.resolution, self.arguments.hemisphere)?)?;
+        let shape = map_shape(self.arguments.resolution, self.arguments.hemisphere)?;
+        let map = read_panorama(path, self.arguments.panorama, shape)?;
         let scene = scene(self.arguments)?;
         let lights = lights_of_map(self.arguments, &scene, &map)?;
         self.show(LightSource::Still(lights), scene, map)

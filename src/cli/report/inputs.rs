@@ -4,7 +4,7 @@
 use super::Arguments;
 use super::sequences::Recorded;
 use crate::cli::input::{Input, display_name, is_standard_input};
-use crate::cli::panorama::read_panorama_as;
+use crate::cli::panorama::{Panorama, PanoramaArguments, read_panorama};
 use crate::compare::still_methods;
 use crate::error::{Error, Result};
 use crate::report::built_in::{self, BuiltIn};
@@ -137,7 +137,7 @@ impl Inputs {
         for input in &named {
             let Input::Panorama(path) = input else { continue };
             telling(&input.name());
-            inputs.maps.push(Map::read(path)?);
+            inputs.maps.push(Map::read(path, arguments.panorama)?);
             if shutdown.is_requested() {
                 return Ok(None);
             }
@@ -151,7 +151,7 @@ impl Inputs {
             let known = inputs.maps.iter().find(|map| map.path.as_ref() == Some(path));
             let map = match known {
                 Some(known) => known.for_lights().clone(),
-                None => read_panorama_as(path, &[still_methods::SHAPE])?.swap_remove(0),
+                None => read_panorama(path, arguments.panorama, still_methods::SHAPE)?,
             };
             inputs.sequences.push(Moving::Made(Made { name, path: path.clone(), map, make }));
             if shutdown.is_requested() {
@@ -179,12 +179,12 @@ fn check_length((frames, frame_rate_hz): (usize, f64), arguments: &Arguments) ->
 }
 
 impl Map {
-    fn read(path: &Path) -> Result<Self> {
+    fn read(path: &Path, how: PanoramaArguments) -> Result<Self> {
         let name = match path.file_name() {
             Some(name) if !is_standard_input(path) => name.to_string_lossy().into_owned(),
             _ => display_name(path),
         };
-        Ok(Self { name, path: Some(path.to_owned()), maps: read_panorama_as(path, SHAPES)? })
+        Ok(Self { name, path: Some(path.to_owned()), maps: Panorama::read(path, how)?.maps(SHAPES)? })
     }
 
     fn built_in(built_in: &BuiltIn) -> Result<Self> {

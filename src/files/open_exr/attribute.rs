@@ -32,7 +32,7 @@ pub(super) struct Recorded {
 }
 
 /// Reads the attributes of a part whose channels `names` are used.
-pub(super) fn read(header: &Header, names: &[&str]) -> Result<Recorded> {
+pub(super) fn read(header: &Header, names: &[String]) -> Result<Recorded> {
     let text = |name: &str| match header.own_attributes.other.get(Text::from(name).as_slice()) {
         Some(AttributeValue::Text(text)) => Some(text.to_string()),
         _ => None,
@@ -46,7 +46,7 @@ pub(super) fn read(header: &Header, names: &[&str]) -> Result<Recorded> {
         Some(samples) => return Err(fault(SAMPLES, &samples)),
     };
     let has_other = |channel: &exr::meta::attribute::ChannelDescription| {
-        names.iter().any(|name| channel.name.eq(name)) && channel.sample_type != SampleType::U32
+        names.iter().any(|name| channel.name.eq(name.as_str())) && channel.sample_type != SampleType::U32
     };
     if is_codes && header.channels.list.iter().any(has_other) {
         return Err(Error::bad_frame("is said to hold sensor codes, but its channels are not of type uint"));

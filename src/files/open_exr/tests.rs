@@ -1,7 +1,7 @@
 use crate::error::Result;
 use crate::files::{Attributes, read};
 use exr::math::RoundingMode;
-use exr::meta::attribute::EnvironmentMap;
+use exr::meta::attribute::{Chromaticities, EnvironmentMap};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, ImageAttributes,
     IntegerBounds, Layer, LayerAttributes, Levels, LineOrder, RipMaps, SmallVec, Vec2, WritableImage, f16,
@@ -26,9 +26,13 @@ fn part(name: &str, size: (usize, usize), encoding: Encoding, channels: Channels
 }
 
 fn bytes(layers: Vec<Layer<Channels>>) -> Vec<u8> {
-    let mut bytes = Cursor::new(Vec::new());
     let window = IntegerBounds::from_dimensions(layers[0].size);
-    let image = Image::from_layers(ImageAttributes::new(window), layers);
+    bytes_with(ImageAttributes::new(window), layers)
+}
+
+fn bytes_with(attributes: ImageAttributes, layers: Vec<Layer<Channels>>) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let image = Image::from_layers(attributes, layers);
     image.write().non_parallel().to_buffered(&mut bytes).unwrap();
     bytes.into_inner()
 }
@@ -136,7 +140,7 @@ fn uint_and_mixed_channel_types_become_floats() {
 }
 
 #[test]
-fn first_part_with_rgb_goes_before_luminance_and_data_windows_may_lie_anywhere() {
+fn first_part_with_rgb_goes_before_luminance_and_display_windows_may_lie_anywhere() {
     let rgb =
         |offset| channels(&[("R", floats(4, offset)), ("G", floats(4, offset)), ("B", floats(4, offset))]);
     let mut moved = part("picture", (2, 2), Encoding::FAST_LOSSLESS, rgb(7.0));
@@ -153,10 +157,111 @@ fn first_part_with_rgb_goes_before_luminance_and_data_windows_may_lie_anywhere()
         part("later", (2, 2), Encoding::FAST_LOSSLESS, rgb(70.0)),
     ];
     let mut frame = Frame::default();
-    read_bytes(&bytes(parts), &mut frame).unwrap();
+    let display = IntegerBounds::new(Vec2(-3, 1000), Vec2(2, 2));
+    read_bytes(&bytes_with(ImageAttributes::new(display), parts), &mut frame).unwrap();
     let expected = [7.0, 8.0, 9.0, 10.0].iter().flat_map(|&value| [value; 3]).collect();
     assert_eq!((frame.width, frame.height, frame.channels), (2, 2, 3));
     assert_eq!(frame.pixels, Pixels::Radiance(expected));
+}
+
+/// A picture of one channel in a display window of 4 x 3 at (10, 20), its data window of this size at
+/// `position`.
+fn placed(position: (i32, i32), size: (usize, usize), encoding: Encoding) -> Result<Vec<f32>> {
+    let count = size.0 * size.1;
+    let mut layer = part("a", size, encoding, channels(&[("Y", floats(count, 1.0))]));
+    layer.attributes = layer.attributes.with_position(Vec2(position.0, position.1));
+    let display = IntegerBounds::new(Vec2(10, 20), Vec2(4, 3));
+    // What was there before must not shine through.
+    let mut frame =
+        Frame { width: 4, height: 3, pixels: Pixels::Radiance(vec![99.0; 12]), ..Frame::default() };
+    read_bytes(&bytes_with(ImageAttributes::new(display), vec![layer]), &mut frame)?;
+    assert_eq!((frame.width, frame.height, frame.channels), (4, 3, 1));
+    let Pixels::Radiance(values) = frame.pixels else { panic!("codes") };
+    Ok(values)
+}
+
+#[test]
+fn the_data_window_lies_where_it_says_in_the_display_window() {
+    let tiles = Encoding {
+        blocks: Blocks::Tiles(Vec2(2, 2)),
+        line_order: LineOrder::Unspecified,
+        ..Encoding::FAST_LOSSLESS
+    };
+    for encoding in [Encoding::FAST_LOSSLESS, Encoding::UNCOMPRESSED, tiles] {
+        let crop = [0., 0., 0., 0., 0., 1., 2., 0., 0., 0., 0., 0.];
+        assert_eq!(placed((11, 21), (2, 1), encoding).unwrap(), crop);
+        let upper = [1., 2., 3., 4., 5., 6., 7., 8., 0., 0., 0., 0.];
+        assert_eq!(placed((10, 20), (4, 2), encoding).unwrap(), upper);
+        // Overscan on all sides: 8 x 7 about it.
+        let overscan = placed((8, 18), (8, 7), encoding).unwrap();
+        assert_eq!(overscan, [19., 20., 21., 22., 27., 28., 29., 30., 35., 36., 37., 38.]);
+        // Overlaps at a corner.
+        let corner = [4., 0., 0., 0., 0., 0., 0., 0., 0., 0., 0., 0.];
+        assert_eq!(placed((9, 19), (2, 2), encoding).unwrap(), corner);
+        for outside in [(14, 20), (10, 23), (8, 20), (10, 18)] {
+            let error = placed(outside, (2, 2), encoding).unwrap_err().to_string();
+            assert!(error.contains("outside of its display window"), "{error}");
+        }
+    }
+}
+
+#[test]
+fn colours_are_converted_from_the_primaries_of_the_file() {
+    let one = |value| FlatSamples::F32(vec![value]);
+    let picture = |chromaticities| {
+        let layer = part(
+            "a",
+            (1, 1),
+            Encoding::FAST_LOSSLESS,
+            channels(&[("R", one(1.0)), ("G", one(0.5)), ("B", one(0.25))]),
+        );
+        let attributes = ImageAttributes {
+            chromaticities: Some(chromaticities),
+            ..ImageAttributes::new(IntegerBounds::from_dimensions((1, 1)))
+        };
+        let mut frame = Frame::default();
+        read_bytes(&bytes_with(attributes, vec![layer]), &mut frame).map(|_| frame.pixels)
+    };
+    let rec_709 = Chromaticities {
+        red: Vec2(0.64, 0.33),
+        green: Vec2(0.3, 0.6),
+        blue: Vec2(0.15, 0.06),
+        white: Vec2(0.3127, 0.329),
+    };
+    assert_eq!(picture(rec_709).unwrap(), Pixels::Radiance(vec![1.0, 0.5, 0.25]), "not touched");
+    let xyz = Chromaticities {
+        red: Vec2(1.0, 0.0),
+        green: Vec2(0.0, 1.0),
+        blue: Vec2(0.0, 0.0),
+        white: Vec2(1.0 / 3.0, 1.0 / 3.0),
+    };
+    let Pixels::Radiance(found) = picture(xyz).unwrap() else { panic!("codes") };
+    // By the published inverse of the matrix of sRGB.
+    for (found, expected) in found.iter().zip([2.3473, -0.0209, 0.2179]) {
+        assert!((found - expected).abs() < 2e-3, "{found} {expected}");
+    }
+    let error = picture(Chromaticities { white: Vec2(0.3, 0.0), ..rec_709 }).unwrap_err().to_string();
+    assert!(error.contains("chromaticities") && error.contains("y = 0"), "{error}");
+}
+
+#[test]
+fn the_only_layer_is_the_picture_and_several_are_named() {
+    let layer = |names: &[&str]| {
+        let channels: Vec<(String, FlatSamples)> = names
+            .iter()
+            .flat_map(|name| ["R", "G", "B"].map(|colour| (format!("{name}.{colour}"), floats(1, 3.0))))
+            .chain([("Depth.Z".to_owned(), floats(1, 0.0))])
+            .collect();
+        let mut list: Vec<(&str, FlatSamples)> =
+            channels.iter().map(|(name, samples)| (name.as_str(), samples.clone())).collect();
+        list.sort_by_key(|(name, _)| *name);
+        bytes(vec![part("a", (1, 1), Encoding::FAST_LOSSLESS, super::tests::channels(&list))])
+    };
+    let mut frame = Frame::default();
+    read_bytes(&layer(&["ViewLayer.Combined"]), &mut frame).unwrap();
+    assert_eq!(frame.pixels, Pixels::Radiance(vec![3.0; 3]));
+    let said = refusal(&layer(&["beauty", "diffuse"]));
+    assert!(said.contains("beauty, diffuse"), "{said}");
 }
 
 #[test]
