@@ -2,7 +2,7 @@
 //! columns, with black squares between their corners.
 
 use super::Corner;
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::files::GreyPicture;
 use crate::rt::contained;
 use ::aprilgrid::TagFamily;
@@ -90,22 +90,23 @@ impl AprilGrid {
             code_offset,
         } = file;
         let positive = |value: f64| value > 0.0 && value.is_finite();
-        let fault = if target_type != "aprilgrid" {
-            format!(
-                "key target_type: {target_type}, only aprilgrid is found in photographs; give others as corners"
-            )
+        let (place, fault) = if target_type != "aprilgrid" {
+            let fault = "only aprilgrid is found in photographs; give others as corners".to_owned();
+            (Place::value("target_type", target_type), fault)
         } else if columns == 0 || rows == 0 || columns.checked_mul(rows).is_none_or(|tags| tags > TAGS_MAX) {
-            format!("keys tagCols and tagRows: {columns} x {rows}, the family 36h11 has 1 to {TAGS_MAX} tags")
+            let fault = format!("with tagRows = {rows}, the family 36h11 has 1 to {TAGS_MAX} tags");
+            (Place::value("tagCols", columns), fault)
         } else if !positive(tag_size) {
-            format!("key tagSize: {tag_size} is no edge in metres")
+            (Place::value("tagSize", tag_size), "is no edge in metres".to_owned())
         } else if !positive(tag_spacing) {
-            format!("key tagSpacing: {tag_spacing} is no ratio of gap and edge")
+            (Place::value("tagSpacing", tag_spacing), "is no ratio of gap and edge".to_owned())
         } else if low_id != 0 || code_offset != 0 {
-            "keys lowId and codeOffset: only boards whose first tag is number 0 are known".to_owned()
+            let (key, value) = if low_id != 0 { ("lowId", low_id) } else { ("codeOffset", code_offset) };
+            (Place::value(key, value), "only boards whose first tag is number 0 are known".to_owned())
         } else {
             return Ok(Self { columns, rows, tag_size_m: tag_size, spacing: tag_spacing });
         };
-        Err(Error::usage(fault))
+        Err(Error::usage(fault).at(place))
     }
 
     /// A corner of a tag on the board, x to the right, y up, from the first tag's lower left corner: 0 is the

@@ -77,8 +77,7 @@ impl Calibration {
     /// `Usage`, naming the file and the key or line: files that cannot be read, are over 1 MiB or of unknown
     /// kind, unknown keys in our own format, missing keys, and numbers that no camera has.
     pub fn load(path: &Path, camera: Option<&str>) -> Result<Self> {
-        let place = format!("calibration {}", path.display());
-        read(path).and_then(|text| Self::parse(&text, camera)).map_err(|error| error.at(place))
+        read(path).and_then(|text| Self::parse(&text, camera)).map_err(|error| error.at(path))
     }
 
     /// Reads the text of a calibration file of any known kind.
@@ -101,7 +100,8 @@ impl Calibration {
                  size) or Kalibr (cam0 with camera_model)",
             ));
         };
-        Self::checked(parameters, None, ResponseModel::Identity)
+        let (lens, notes) = checked(parameters, None)?;
+        Ok(Self { lens, response: Response::default(), notes })
     }
 
     fn parse_own(text: &str, camera: Option<&str>) -> Result<Self> {
@@ -109,10 +109,8 @@ impl Calibration {
         let file: File =
             serde_json::from_str(text).map_err(|error| Error::usage("cannot be used").because(error))?;
         if file.version != VERSION {
-            return Err(Error::usage(format!(
-                "key version: {} is not known, this program reads version {VERSION}",
-                file.version
-            )));
+            return Err(Error::usage(format!("is not known, this program reads version {VERSION}"))
+                .at(Place::value("version", file.version)));
         }
         let LensEntry {
             model: LensModel::KannalaBrandt,
@@ -126,32 +124,11 @@ impl Calibration {
             field_of_view_deg,
         } = file.lens;
         let parameters = LensParameters { width, height, fx, fy, cx, cy, k, field_of_view_rad: 0.0 };
-        Self::checked(parameters, field_of_view_deg, file.response)
-    }
-
-    fn checked(
-        mut parameters: LensParameters,
-        field_of_view_deg: Option<f64>,
-        response: ResponseModel,
-    ) -> Result<Self> {
-        let mut notes = Vec::new();
-        match field_of_view_deg {
-            Some(degrees) => parameters.field_of_view_rad = degrees.to_radians(),
-            None => {
-                // The other numbers are checked first, because the default is computed from them.
-                Lens::new(LensParameters { field_of_view_rad: 1e-9, ..parameters })?;
-                let (field_of_view_rad, reach) = parameters.default_field_of_view();
-                parameters.field_of_view_rad = field_of_view_rad;
-                notes.push(format!(
-                    "the calibration declares no field of view: taken as {:.2} degrees, {reach}; where the lens's \
-                     circle is smaller, declare it as field_of_view_deg in a calibration of version {VERSION}",
-                    field_of_view_rad.to_degrees()
-                ));
-            }
-        }
+        let (lens, notes) =
+            checked(parameters, field_of_view_deg).map_err(|error| error.at(Place::key("lens")))?;
         let response =
-            Response::new(response).map_err(|error| Error::from(error).at(Place::key("response")))?;
-        Ok(Self { lens: Lens::new(parameters)?, response, notes })
+            Response::new(file.response).map_err(|error| Error::from(error).at(Place::key("response")))?;
+        Ok(Self { lens, response, notes })
     }
 
     /// The calibration as our JSON file.
@@ -194,6 +171,26 @@ impl Calibration {
     pub fn to_kalibr_yaml(&self) -> String {
         kalibr_file::chain(self.lens.parameters())
     }
+}
+
+/// The lens of these parameters, and what was assumed about it.
+fn checked(mut parameters: LensParameters, field_of_view_deg: Option<f64>) -> Result<(Lens, Vec<String>)> {
+    let mut notes = Vec::new();
+    match field_of_view_deg {
+        Some(degrees) => parameters.field_of_view_rad = degrees.to_radians(),
+        None => {
+            // The other numbers are checked first, because the default is computed from them.
+            Lens::new(LensParameters { field_of_view_rad: 1e-9, ..parameters })?;
+            let (field_of_view_rad, reach) = parameters.default_field_of_view();
+            parameters.field_of_view_rad = field_of_view_rad;
+            notes.push(format!(
+                "the calibration declares no field of view: taken as {:.2} degrees, {reach}; where the lens's \
+                 circle is smaller, declare it as field_of_view_deg in a calibration of version {VERSION}",
+                field_of_view_rad.to_degrees()
+            ));
+        }
+    }
+    Ok((Lens::new(parameters)?, notes))
 }
 
 fn foreign(document: &serde_json::Value) -> bool {

@@ -34,7 +34,7 @@
 //! ```
 
 use super::{BoardView, Corner};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 use std::io::Read;
@@ -119,25 +119,22 @@ impl CornerSet {
                 .because(error)
         })?;
         if file.version != VERSION {
-            return Err(Error::usage(format!(
-                "key version: {} is not known, this program reads version {VERSION}",
-                file.version
-            )));
+            return Err(Error::usage(format!("is not known, this program reads version {VERSION}"))
+                .at(Place::value("version", file.version)));
         }
         let [width, height] = file.image_size;
         if ![width, height].iter().all(|side| (1..=65_535).contains(side)) {
-            return Err(Error::usage(format!(
-                "key image_size: [{width}, {height}] is no size of a picture in pixels, [columns, rows] expected"
-            )));
+            return Err(Error::usage("is no size of a picture in pixels, [columns, rows] expected")
+                .at(Place::value("image_size", format_args!("[{width}, {height}]"))));
         }
-        let board = board(file.board)?;
+        let board = board(file.board).map_err(|error| error.at(Place::key("board")))?;
         let shift = match file.pixel_centres {
             PixelCentres::Integer => 0.5,
             PixelCentres::Half => 0.0,
         };
         let views = file.views.into_iter().map(|entry| {
             let name = entry.name.clone();
-            view(entry, &board, shift, [width, height]).map_err(|error| error.at(format!("view {name}")))
+            view(entry, &board, shift, [width, height]).map_err(|error| error.at(format_args!("view {name}")))
         });
         Ok(Self { width, height, views: views.collect::<Result<_>>()? })
     }
@@ -173,7 +170,7 @@ impl CornerSet {
     }
 }
 
-/// Every corner of the board, in metres.
+/// Every corner of the board, in metres. Errors name the key, below `board`.
 fn board(entry: BoardEntry) -> Result<Vec<DVec2>> {
     let points: Vec<DVec2> = match entry {
         BoardEntry { columns: None, rows: None, pitch_m: None, points_m: Some(points) } => {
@@ -181,13 +178,12 @@ fn board(entry: BoardEntry) -> Result<Vec<DVec2>> {
         }
         BoardEntry { columns: Some(columns), rows: Some(rows), pitch_m: Some(pitch_m), points_m: None } => {
             if !(pitch_m > 0.0 && pitch_m.is_finite()) {
-                return Err(Error::usage(format!(
-                    "key board.pitch_m: {pitch_m} is no distance between corners in metres"
-                )));
+                return Err(Error::usage("is no distance between corners in metres")
+                    .at(Place::value("pitch_m", pitch_m)));
             }
             if columns.checked_mul(rows).is_none_or(|count| count > BOARD_MAX) {
                 return Err(Error::usage(format!(
-                    "key board: {columns} x {rows} corners are too many, at most {BOARD_MAX} are read"
+                    "{columns} x {rows} corners are too many, at most {BOARD_MAX} are read"
                 )));
             }
             (0..columns * rows)
@@ -195,9 +191,7 @@ fn board(entry: BoardEntry) -> Result<Vec<DVec2>> {
                 .collect()
         }
         _ => {
-            return Err(Error::usage(
-                "key board: either columns, rows and pitch_m expected, or points_m alone",
-            ));
+            return Err(Error::usage("either columns, rows and pitch_m expected, or points_m alone"));
         }
     };
     Ok(points)
@@ -208,17 +202,19 @@ fn view(entry: ViewEntry, board: &[DVec2], shift_px: f64, size: [usize; 2]) -> R
     let ids = match ids {
         Some(ids) if ids.len() != corners_px.len() => {
             return Err(Error::usage(format!(
-                "{} ids, but {} corners_px: every corner has one",
+                "has {} numbers, but there are {} corners_px: every corner has one",
                 ids.len(),
                 corners_px.len()
-            )));
+            ))
+            .at(Place::key("ids")));
         }
         None if corners_px.len() != board.len() => {
             return Err(Error::usage(format!(
-                "{} corners_px, but the board has {} corners; where some were not found, list the ids of the others",
+                "has {} corners, but the board has {}; where some were not found, list the ids of the others",
                 corners_px.len(),
                 board.len()
-            )));
+            ))
+            .at(Place::key("corners_px")));
         }
         Some(ids) => ids,
         None => (0..board.len()).collect(),
@@ -226,21 +222,22 @@ fn view(entry: ViewEntry, board: &[DVec2], shift_px: f64, size: [usize; 2]) -> R
     let mut seen = vec![false; board.len()];
     let mut corners = Vec::with_capacity(ids.len());
     for (id, pixel) in ids.into_iter().zip(corners_px) {
+        let fault = |message: String| Error::usage(message).at(format_args!("id {id}"));
         let Some(seen) = seen.get_mut(id) else {
-            return Err(Error::usage(match board.len() {
-                0 => format!("id {id}: the board has no corners"),
-                count => format!("id {id}: the board's corners are numbered 0 to {}", count - 1),
+            return Err(fault(match board.len() {
+                0 => "the board has no corners".to_owned(),
+                count => format!("the board's corners are numbered 0 to {}", count - 1),
             }));
         };
         if std::mem::replace(seen, true) {
-            return Err(Error::usage(format!("id {id} comes twice: a picture shows a corner once")));
+            return Err(fault("comes twice: a picture shows a corner once".to_owned()));
         }
         let pixel = DVec2::from(pixel) + shift_px;
         let [width, height] = size.map(|side| side as f64);
         // A detector that fits edges may place a corner slightly outside the picture.
         if !(pixel.cmpge(DVec2::splat(-1.0)).all() && pixel.cmple(DVec2::new(width, height) + 1.0).all()) {
-            return Err(Error::usage(format!(
-                "corner {id} at {:?}: outside the picture of {width} x {height}; are image_size and the pictures the same?",
+            return Err(fault(format!(
+                "lies at {:?}, outside the picture of {width} x {height}; are image_size and the pictures the same?",
                 (pixel - shift_px).to_array()
             )));
         }
@@ -301,21 +298,27 @@ mod tests {
     #[test]
     fn what_cannot_be_used_is_refused_with_its_place() {
         let cases = [
-            (TEXT.replace("\"version\": 1", "\"version\": 3"), "version: 3"),
+            (TEXT.replace("\"version\": 1", "\"version\": 3"), "version = 3: is not known"),
             (TEXT.replace("\"pixel_centres\"", "\"pixels\""), "pixels"),
             (TEXT.replace("integer", "corner"), "`integer` or `half`"),
             (TEXT.replace("\"pixel_centres\": \"integer\",", ""), "missing field `pixel_centres`"),
-            (TEXT.replace("[640, 480]", "[0, 480]"), "image_size: [0, 480]"),
+            (TEXT.replace("[640, 480]", "[0, 480]"), "image_size = [0, 480]: is no size"),
             (TEXT.replace("[640, 480]", "[640]"), "line 1"),
-            (TEXT.replace("\"rows\": 2, ", ""), "key board"),
-            (TEXT.replace("\"rows\": 2", "\"rows\": 2, \"points_m\": []"), "key board"),
-            (TEXT.replace("0.5}", "-0.5}"), "pitch_m: -0.5"),
-            (TEXT.replace("\"columns\": 3", "\"columns\": 18446744073709551615"), "too many"),
-            (TEXT.replace("[10, 11], ", ""), "view a.png: 5 corners_px, but the board has 6"),
-            (TEXT.replace("[4, 0]", "[4, 0, 1]"), "view b.png: 3 ids, but 2 corners_px"),
+            (TEXT.replace("\"rows\": 2, ", ""), "board: either columns"),
+            (TEXT.replace("\"rows\": 2", "\"rows\": 2, \"points_m\": []"), "board: either columns"),
+            (TEXT.replace("0.5}", "-0.5}"), "board.pitch_m = -0.5: is no distance"),
+            (
+                TEXT.replace("\"columns\": 3", "\"columns\": 18446744073709551615"),
+                "board: 18446744073709551615 x 2 corners are too many",
+            ),
+            (TEXT.replace("[10, 11], ", ""), "view a.png: corners_px: has 5 corners, but the board has 6"),
+            (
+                TEXT.replace("[4, 0]", "[4, 0, 1]"),
+                "view b.png: ids: has 3 numbers, but there are 2 corners_px",
+            ),
             (TEXT.replace("[4, 0]", "[4, 6]"), "view b.png: id 6: the board's corners are numbered 0 to 5"),
-            (TEXT.replace("[4, 0]", "[4, 4]"), "view b.png: id 4 comes twice"),
-            (TEXT.replace("[639, 479]", "[739, 479]"), "view b.png: corner 0 at [739.0, 479.0]: outside"),
+            (TEXT.replace("[4, 0]", "[4, 4]"), "view b.png: id 4: comes twice"),
+            (TEXT.replace("[639, 479]", "[739, 479]"), "view b.png: id 0: lies at [739.0, 479.0], outside"),
             (TEXT.replace("[639, 479]", "[NaN, 479]"), "line 5"),
             (TEXT.replace("[639, 479]", "[1e999, 479]"), "line 5"),
             (TEXT.replace("[639, 479]", "[639, 479, 1]"), "line 5"),

@@ -2,7 +2,7 @@
 //! the XML of OpenCV's FileStorage. The text is not trusted: nesting, aliases and numbers that are not finite
 //! are refused by the parsers.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use serde_json::{Map, Value};
 
 /// Deepest nesting of elements: OpenCV writes three levels.
@@ -58,22 +58,27 @@ fn xml_value(node: roxmltree::Node<'_, '_>, depth: usize) -> Result<Value> {
 
 /// Exactly `N` numbers under `key`: a list, a list of lists, or OpenCV's matrix with its `data`.
 pub(super) fn numbers<const N: usize>(value: &Value, key: &str) -> Result<[f64; N]> {
-    let data = value.get("data").unwrap_or(value);
-    let mut found = Vec::with_capacity(N);
-    collect(data, key, &mut found)?;
-    <[f64; N]>::try_from(found)
-        .map_err(|found| Error::usage(format!("key {key}: {N} numbers expected, {} found", found.len())))
+    numbers_of(value).map_err(|error| error.at(Place::key(key)))
 }
 
-fn collect(value: &Value, key: &str, found: &mut Vec<f64>) -> Result<()> {
+/// The same, where the caller names the key.
+pub(super) fn numbers_of<const N: usize>(value: &Value) -> Result<[f64; N]> {
+    let data = value.get("data").unwrap_or(value);
+    let mut found = Vec::with_capacity(N);
+    collect(data, &mut found)?;
+    <[f64; N]>::try_from(found)
+        .map_err(|found| Error::usage(format!("{N} numbers expected, {} found", found.len())))
+}
+
+fn collect(value: &Value, found: &mut Vec<f64>) -> Result<()> {
     match value {
-        Value::Array(items) => items.iter().try_for_each(|item| collect(item, key, found)),
+        Value::Array(items) => items.iter().try_for_each(|item| collect(item, found)),
         _ => match value.as_f64() {
             Some(number) if number.is_finite() => {
                 found.push(number);
                 Ok(())
             }
-            _ => Err(Error::usage(format!("key {key}: a finite number expected"))),
+            _ => Err(Error::usage("a finite number expected")),
         },
     }
 }
@@ -88,9 +93,8 @@ pub(super) fn decimal(value: f64) -> String {
 /// A number of pixels under `key`.
 pub(super) fn size(number: f64, key: &str) -> Result<usize> {
     if number.fract() != 0.0 || !(1.0..=65_535.0).contains(&number) {
-        return Err(Error::usage(format!(
-            "key {key}: {number} is not a size in pixels, a whole number from 1 to 65535 expected"
-        )));
+        return Err(Error::usage("is not a size in pixels, a whole number from 1 to 65535 expected")
+            .at(Place::value(key, number)));
     }
     Ok(number as usize)
 }

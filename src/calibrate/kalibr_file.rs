@@ -2,7 +2,7 @@
 //! supported.
 
 use super::document::{decimal, numbers, size};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use lightcast_core::camera::LensParameters;
 use serde_json::Value;
 
@@ -37,14 +37,14 @@ pub(super) fn lens(document: &Value, camera: Option<&str>) -> Result<LensParamet
     };
     let key = |key: &str| format!("{name}.{key}");
     let value =
-        |name: &str| camera.get(name).ok_or_else(|| Error::usage(format!("key {} is missing", key(name))));
+        |name: &str| camera.get(name).ok_or_else(|| Error::usage("is missing").at(Place::key(key(name))));
     for (model, supported) in [("camera_model", "pinhole"), ("distortion_model", "equidistant")] {
         let found = value(model)?.as_str().unwrap_or("not a word");
         if found != supported {
             return Err(Error::usage(format!(
-                "key {}: {found} is not supported, only {supported}: calibrate with Kalibr's model pinhole-equi",
-                key(model)
-            )));
+                "is not supported, only {supported}: calibrate with Kalibr's model pinhole-equi"
+            ))
+            .at(Place::value(key(model), found)));
         }
     }
     let [fx, fy, cx, cy] = numbers(value("intrinsics")?, &key("intrinsics"))?;

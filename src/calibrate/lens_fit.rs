@@ -15,7 +15,7 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use glam::DVec2;
 use lightcast_core::camera::{Lens, LensParameters};
 
@@ -63,15 +63,12 @@ impl LensStart {
     pub fn lens(&self) -> Result<Lens> {
         let &Self { width, height, field_of_view_rad, circle_diameter_px, circle_centre_px } = self;
         if !(circle_diameter_px > 0.0 && circle_diameter_px.is_finite()) {
-            return Err(Error::usage(format!(
-                "circle diameter {circle_diameter_px}: must be positive; measure the bright circle in a picture, in pixels"
-            )));
+            return Err(Error::usage("must be positive; measure the bright circle in a picture, in pixels")
+                .at(Place::value("circle_diameter_px", circle_diameter_px)));
         }
         if field_of_view_rad.is_nan() || field_of_view_rad <= 0.0 {
-            return Err(Error::usage(format!(
-                "field of view {} degrees: must be over 0, at most 360",
-                field_of_view_rad.to_degrees()
-            )));
+            return Err(Error::usage("must be over 0, at most 360")
+                .at(Place::value("field_of_view_deg", field_of_view_rad.to_degrees())));
         }
         let f = circle_diameter_px / field_of_view_rad;
         Ok(Lens::new(LensParameters {
@@ -119,10 +116,8 @@ pub fn fit_lens(views: &[BoardView], start: &LensStart, options: &LensFitOptions
     let start_lens = start.lens()?;
     check_numbers(views)?;
     if options.drop_factor.is_nan() || options.drop_factor <= 1.0 {
-        return Err(Error::usage(format!(
-            "drop factor {}: must be over 1, for some views are always worse than the median",
-            options.drop_factor
-        )));
+        return Err(Error::usage("must be over 1, for some views are always worse than the median")
+            .at(Place::value("drop_factor", options.drop_factor)));
     }
     let found = search::search(views, &start_lens, options)?;
     outcome::outcome(views, start, found)
@@ -133,12 +128,11 @@ fn check_numbers(views: &[BoardView]) -> Result<()> {
         for (index, corner) in view.corners.iter().enumerate() {
             if !(corner.board_m.is_finite() && corner.pixel.is_finite()) {
                 return Err(Error::usage(format!(
-                    "view {}, corner {}: board {} m, pixel {}: not finite; leave out corners that were not found",
-                    view.name,
-                    index + 1,
-                    corner.board_m,
-                    corner.pixel
-                )));
+                    "board {} m, pixel {}: not finite; leave out corners that were not found",
+                    corner.board_m, corner.pixel
+                ))
+                .at(format_args!("corner {}", index + 1))
+                .at(format_args!("view {}", view.name)));
             }
         }
     }

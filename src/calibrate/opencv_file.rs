@@ -2,8 +2,8 @@
 //! does not fix the names; those of its samples and of common tools are recognised, in upper or lower case
 //! and with or without underscores.
 
-use super::document::{decimal, numbers, size};
-use crate::error::{Error, Result};
+use super::document::{decimal, numbers, numbers_of, size};
+use crate::error::{Error, Place, Result};
 use lightcast_core::camera::LensParameters;
 use serde_json::Value;
 
@@ -28,21 +28,22 @@ pub(super) fn lens(document: &Value) -> Result<LensParameters> {
     if let Some((key, flag)) = find(document, &["fisheyemodel"])
         && flag.as_f64() == Some(0.0)
     {
-        return Err(Error::usage(format!(
-            "key {key}: 0 says that this is not a fisheye calibration; calibrate with cv::fisheye"
-        )));
+        return Err(Error::usage("says that this is not a fisheye calibration; calibrate with cv::fisheye")
+            .at(Place::value(key, 0)));
     }
     let [fx, skew, cx, zero_a, fy, cy, zero_b, zero_c, one] = numbers::<9>(matrix, matrix_key)?;
     // OpenCV writes 16 digits; a skew of a millionth of the focal length moves no pixel by 0.01.
     if [skew, zero_a, zero_b, zero_c].into_iter().any(|value| value.abs() > 1e-6 * fx.abs()) || one != 1.0 {
-        return Err(Error::usage(format!(
-            "key {matrix_key}: [fx, 0, cx, 0, fy, cy, 0, 0, 1] expected (skew is not supported: calibrate with \
-             cv::fisheye::CALIB_FIX_SKEW)"
-        )));
+        return Err(Error::usage(
+            "[fx, 0, cx, 0, fy, cy, 0, 0, 1] expected (skew is not supported: calibrate with \
+             cv::fisheye::CALIB_FIX_SKEW)",
+        )
+        .at(Place::key(matrix_key)));
     }
-    let k = numbers::<4>(coefficients, coefficients_key).map_err(|error| {
+    let k = numbers_of::<4>(coefficients).map_err(|error| {
         Error::usage("cv::fisheye has four coefficients; the ordinary model of OpenCV cannot be used")
             .because(error)
+            .at(Place::key(coefficients_key))
     })?;
     let (width, height) = match find(document, SIZE) {
         Some((key, value)) => {

@@ -128,7 +128,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
 impl Arguments {
     /// Refuses options that only a server can fulfil, and with --render those that `render` has itself.
     fn check_without_server(&self) -> Result<()> {
-        let refused = |option: &str, why: &str| Err(Error::usage(format!("{option} {why}")));
+        let refused = |option: &str, why: &str| Err(Error::usage(why).at(option));
         for (option, is_given) in [
             ("--queue", self.queue.is_some()),
             ("--format", self.format.is_some()),

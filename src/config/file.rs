@@ -43,8 +43,7 @@ struct CameraKeys {
     response: Option<ResponseModel>,
     #[serde(default, deserialize_with = "rotation")]
     world_from_camera: Option<DMat3>,
-    #[serde(default, deserialize_with = "colour_matrix")]
-    rec709_from_sensor: Option<ColourMatrix>,
+    rec709_from_sensor: Option<[[f64; 3]; 3]>,
 }
 
 #[derive(Deserialize)]
@@ -107,7 +106,7 @@ impl CameraKeys {
                 .transpose()
                 .map_err(|error| Error::from(error).at(Place::key("response")))?,
             world_from_camera,
-            rec709_from_sensor,
+            rec709_from_sensor: rec709_from_sensor.map(ColourMatrix::new).transpose()?,
         })
     }
 }
@@ -131,11 +130,6 @@ fn rotation<'de, D: Deserializer<'de>>(value: D) -> Result<Option<DMat3>, D::Err
         ));
     }
     Ok(Some(DMat3::from_cols(x, y, z).transpose()))
-}
-
-fn colour_matrix<'de, D: Deserializer<'de>>(value: D) -> Result<Option<ColourMatrix>, D::Error> {
-    let rows = <[[f64; 3]; 3]>::deserialize(value)?;
-    ColourMatrix::new(rows).map(Some).map_err(D::Error::custom)
 }
 
 #[cfg(test)]
@@ -260,13 +254,13 @@ mod tests {
             ("[camera]\nworld_from_camera = [[1, 0, 0], [0, nan, 0], [0, 0, 1]]", "is no rotation"),
             (
                 "[camera]\nrec709_from_sensor = [[1, 0, 0], [0, inf, 0], [0, 0, 1]]",
-                "line 5 (`rec709_from_sensor = [[1, 0, 0], [0, inf, 0], [0, 0, 1]]`): colour matrix",
+                "line 5: rec709_from_sensor[1][1] = inf: must be finite",
             ),
             ("[camera]\nrec709_from_sensor = [2.0, 1.0, 1.5]", "line 5 (`rec709_from_sensor = [2.0"),
             ("[camera]\nkalibr_camera = \"cam1\"", "line 5: kalibr_camera = ...: there is no calibration"),
             (
                 "[camera]\nresponse = { model = \"linear\", black_level = 9, white_level = 9, gain = 1.0 }",
-                "line 5: response: the black clip at code 9",
+                "line 5: response.black_level = 9: must lie below white_level = 9",
             ),
             (
                 "[camera]\nresponse = { model = \"cubic\" }",

@@ -96,7 +96,7 @@ impl Gpu {
         };
         let info = adapter.get_info();
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|error| Error::failed(format!("{}: cannot be opened", info.name)).because(error))?;
+            .map_err(|error| Error::failed("cannot be opened").because(error).at(&info.name))?;
         Ok(Self { adapter: Some(adapter), ..Self::new(device, queue, info) })
     }
 

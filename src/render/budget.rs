@@ -8,7 +8,7 @@
 //! medians of it, so that single slow frames have no effect, and once it has converged it changes nothing
 //! until a median leaves a band around the target.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use lightcast_core::light::MAX_LIGHTS;
 use serde::Deserialize;
 
@@ -121,18 +121,20 @@ impl Budget {
             most_shadow_maps,
         } = options;
         if target_frame_time_ns == 0 {
-            return Err(Error::usage("target_frame_time_ns: 0; give the time of a frame, such as 16666667"));
+            return Err(Error::usage("give the time of a frame, such as 16666667")
+                .at(Place::value("target_frame_time_ns", 0)));
         }
         if !(1 <= least_lights && least_lights <= most_lights && most_lights <= MAX_LIGHTS) {
             return Err(Error::usage(format!(
-                "least_lights, most_lights: {least_lights} to {most_lights}; give 1 to {MAX_LIGHTS}, the least first"
-            )));
+                "with most_lights = {most_lights}; give 1 to {MAX_LIGHTS}, the least first"
+            ))
+            .at(Place::value("least_lights", least_lights)));
         }
         if !(least_shadow_maps <= most_shadow_maps && most_shadow_maps <= most_lights) {
             return Err(Error::usage(format!(
-                "least_shadow_maps, most_shadow_maps: {least_shadow_maps} to {most_shadow_maps}; give 0 to \
-                 most_lights ({most_lights}), the least first"
-            )));
+                "with most_shadow_maps = {most_shadow_maps}; give 0 to most_lights ({most_lights}), the least first"
+            ))
+            .at(Place::value("least_shadow_maps", least_shadow_maps)));
         }
         Ok(Self {
             options,

@@ -77,7 +77,11 @@ pub(super) fn frame_to_polar(
             None => FrameToPolar::new(&projection, world_from_camera, config.map),
             Some(bayer) => FrameToPolar::mosaic(&projection, bayer, world_from_camera, config.map),
         };
-        let frame_to_polar = frame_to_polar.map_err(|error| config.locate("map", error))?;
+        let frame_to_polar = frame_to_polar.map_err(|error| match error.option() {
+            Some("world_from_camera") => config.locate("camera", error),
+            // Frames of a size that no map is made of.
+            _ => Error::from(error).at(source),
+        })?;
         let frame_to_polar = match options.rec709_from_sensor {
             None => frame_to_polar,
             Some(matrix) => frame_to_polar.with_colours(matrix),

@@ -77,8 +77,8 @@ impl<C: ExposureControl> Bracket<C> {
     /// codes to radiance at an exposure of one second.
     ///
     /// # Errors
-    /// `Usage`: fewer than two values, equal ones, a unit that is not positive, a latency of 0 or more than
-    /// 16 frames, a response that does not map codes.
+    /// `Usage`, naming the key: fewer than two values or more than 64, equal ones, values or a unit that are
+    /// not positive, a latency of 0 or more than 16 frames, a response that does not map codes.
     pub fn new(
         camera: C,
         frame_rate_hz: f64,
@@ -91,10 +91,30 @@ impl<C: ExposureControl> Bracket<C> {
             return Err(Error::usage(format!("must be 1 to {LATENCY_MAX}"))
                 .at(Place::value("latency_frames", latency_frames)));
         }
+        if !(2..=ExposureMerge::MOST_EXPOSURES).contains(&values.len()) {
+            return Err(Error::usage(format!(
+                "{} exposures cannot be merged, give 2 to {}",
+                values.len(),
+                ExposureMerge::MOST_EXPOSURES
+            ))
+            .at(Place::key("values")));
+        }
+        if !(unit_s.is_finite() && *unit_s > 0.0) {
+            return Err(Error::usage("must be a positive number").at(Place::value("unit_s", unit_s)));
+        }
+        for (index, value) in values.iter().enumerate() {
+            let fault = if *value <= 0 {
+                "must be a positive number"
+            } else if values[..index].contains(value) {
+                "is there twice"
+            } else {
+                continue;
+            };
+            return Err(Error::usage(fault).at(Place::value(format!("values[{index}]"), value)));
+        }
         let exposures_s: Vec<f64> = values.iter().map(|&value| value as f64 * unit_s).collect();
         Ok(Self {
             camera,
-            // There are at most 64 values: the merge refuses more.
             plan: Plan::new(values.len() as u32, *latency_frames),
             merge: ExposureMerge::new(response, &exposures_s, &SensorNoise::default())?,
             values: values.clone(),

@@ -69,7 +69,7 @@ pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
 fn names(folder: &Path) -> Result<Vec<String>> {
     let entries = fs::read_dir(folder)
         .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
-        .map_err(|error| Error::usage(format!("cannot list {}", folder.display())).because(error))?;
+        .map_err(|error| Error::usage("cannot be listed").because(error).at(folder))?;
     let mut names: Vec<String> = entries
         .into_iter()
         .filter_map(|entry| entry.file_name().into_string().ok())
@@ -118,7 +118,7 @@ fn in_folder(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
         .iter()
         .map(|name| match numbered(name) {
             Some((_, number, _)) => Ok((number, folder.join(name))),
-            None => Err(fault(format!("{name} has a number that is too large"))),
+            None => Err(Error::usage("has a number that is too large").at(folder.join(name).as_path())),
         })
         .collect()
 }
@@ -211,7 +211,7 @@ mod tests {
             let error = found(&["a.001.exr"], path).unwrap_err();
             assert!(error.contains("name.####.exr or name.%04d.exr"), "{path}: {error}");
         }
-        assert!(found(&[], "missing/a.##.exr").unwrap_err().contains("cannot list"));
+        assert!(found(&[], "missing/a.##.exr").unwrap_err().contains("missing: cannot be listed"));
     }
 
     #[test]

@@ -14,7 +14,7 @@
 mod tests;
 
 use super::{FrameSource, Next, pattern};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::files::{Attributes, read};
 use crate::rt::Counter;
 use lightcast_core::image::{Bayer, Frame, LatLongCentres, Pixels};
@@ -131,7 +131,10 @@ impl Sequence {
             Some(rate) if rate.is_finite() && rate > 0.0 => rate,
             // The recording of a camera without a rate: its files have capture times.
             Some(0.0) if options.frame_rate_hz.is_none() && attributes.capture_time_ns.is_some() => 0.0,
-            Some(rate) => return Err(fault(format!("frame_rate_hz = {rate} must be a positive number"))),
+            Some(rate) => {
+                let fault = Error::usage("must be a positive number").at(Place::value("frame_rate_hz", rate));
+                return Err(fault.at(path));
+            }
             None if files.len() == 1 && !options.repeat => 0.0,
             None => {
                 return Err(fault(
@@ -248,10 +251,10 @@ impl FrameSource for Sequence {
         if self.repeat && self.bad_in_a_row >= self.files.len() {
             // Without this error, a loop over files that are gone would spin at full speed.
             return Err(Error::failed(format!(
-                "{}: none of its {} files can be used any more",
-                self.path.display(),
+                "none of its {} files can be used any more",
                 self.files.len()
-            )));
+            ))
+            .at(&self.path));
         }
         let (number, path) = &self.files[self.index];
         self.index += 1;

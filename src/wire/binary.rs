@@ -57,7 +57,8 @@ pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
                 continue;
             }
         };
-        return Err(Error::failed(format!("light {number}: its id {} is {fault}", light.id)));
+        let fault = format!("its id {} is {fault}", light.id);
+        return Err(Error::failed(fault).at(format_args!("light {number}")));
     }
 
     let Stamp { sequence, capture_time_ns, lost_before, frame_rate_hz } = list.stamp;

@@ -113,7 +113,8 @@ pub(super) fn read_list_with<S: DeserializeOwned>(text: &[u8], list: &mut LightL
         } else {
             continue;
         };
-        return Err(Error::failed(format!("light {number} (id {}): its {fault}", light.id)));
+        let place = format!("light {number} (id {})", light.id);
+        return Err(Error::failed(format!("its {fault}")).at(place));
     }
     if power.is_some_and(|power| !power.iter().all(|v| (0.0..=MOST_POWER).contains(v))) {
         return Err(Error::failed("its power is not from 0 to 1e36"));

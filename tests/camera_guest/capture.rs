@@ -160,17 +160,26 @@ fn controls_are_set_and_wrong_wishes_refused_with_what_there_is() {
     }
 
     for (wrong, expected) in [
-        (with("brihgtness", ControlValue::Number(7)), ["brihgtness: the camera has only", "brightness, "]),
-        (with("brightness", ControlValue::Number(256)), ["256 is not possible", "give 0 to 255"]),
+        (
+            with("brihgtness", ControlValue::Number(7)),
+            ["controls.brihgtness = 7: the camera has only", "brightness, "],
+        ),
+        (
+            with("brightness", ControlValue::Number(256)),
+            ["controls.brightness = 256: is not possible", "give 0 to 255"],
+        ),
         (
             with("osd_text_mode", ControlValue::Item("some".into())),
-            ["\"some\" is not possible", "\"Counters Only\""],
+            ["controls.osd_text_mode = \"some\": is not possible", "\"Counters Only\""],
         ),
-        (options(VIVID, "Y13", [160, 120]), ["format \"Y13\" cannot be captured", "the camera has YUYV, "]),
-        (options(VIVID, "MJPG", [160, 120]), ["format \"MJPG\"", "it has YUYV, "]),
+        (
+            options(VIVID, "Y13", [160, 120]),
+            ["format = \"Y13\": cannot be captured", "the camera has YUYV, "],
+        ),
+        (options(VIVID, "MJPG", [160, 120]), ["format = \"MJPG\"", "it has YUYV, "]),
         (
             options(VIVID, "Y12", [8, 120]),
-            ["size 8 x 120 was made 16 x 120", "`lightcast devices` lists the sizes"],
+            ["size = [8, 120]: was made 16 x 120", "`lightcast devices` lists the sizes"],
         ),
         (
             V4l2Options { frame_rate_hz: Some(31.0), ..options(VIVID, "Y12", [160, 120]) },

@@ -157,6 +157,7 @@ fn a_recording_whose_disk_hangs_holds_up_no_client() {
     let mut command = recording.command();
     command.args(["--listen", "127.0.0.1:0", "--record"]).arg(&folder);
     let mut running = Running::start(&mut command);
+    wait_until(|| folder.is_dir());
     // The recorder waits for somebody who reads what it writes.
     let name = |number: usize| folder.join(format!(".frame.{number:06}.exr.{}.part", running.child.id()));
     let pipe = name(60);

@@ -18,14 +18,14 @@ fn grid() -> AprilGrid {
 fn target_files_of_kalibr_are_read_and_others_refused_by_key() {
     assert_eq!(grid(), AprilGrid { columns: 6, rows: 6, tag_size_m: 0.088, spacing: 0.3 });
     for (text, part) in [
-        (KALIBR.replace("'aprilgrid'", "'checkerboard'"), "target_type: checkerboard"),
-        (KALIBR.replace("tagCols: 6", "tagCols: 0"), "0 x 6"),
+        (KALIBR.replace("'aprilgrid'", "'checkerboard'"), "target_type = checkerboard: only"),
+        (KALIBR.replace("tagCols: 6", "tagCols: 0"), "tagCols = 0: with tagRows = 6"),
         (KALIBR.replace("tagCols: 6", "tagCols: 100"), "587 tags"),
-        (KALIBR.replace("0.088", "-0.088"), "tagSize"),
-        (KALIBR.replace("0.3 ", ".nan "), "tagSpacing"),
+        (KALIBR.replace("0.088", "-0.088"), "tagSize = -0.088: is no edge"),
+        (KALIBR.replace("0.3 ", ".nan "), "tagSpacing = NaN: is no ratio"),
         (KALIBR.replace("tagRows", "tagLines"), "tagLines"),
         (KALIBR.replace("tagRows: 6\n", ""), "tagRows"),
-        (KALIBR.to_owned() + "lowId: 3\n", "lowId"),
+        (KALIBR.to_owned() + "lowId: 3\n", "lowId = 3: only"),
         (String::new(), "Kalibr"),
     ] {
         let error = AprilGrid::parse(&text).unwrap_err();

@@ -91,21 +91,21 @@ fn kalibr_chains_give_the_first_camera_or_the_named_one() {
 fn what_cannot_be_used_is_refused_with_its_key() {
     let cases = [
         (OWN.replace("\"cx\"", "\"c_x\""), "c_x"),
-        (OWN.replace("\"version\": 1", "\"version\": 2"), "version"),
+        (OWN.replace("\"version\": 1", "\"version\": 2"), "version = 2: is not known"),
         (OWN.replace("kannala-brandt", "mei"), "mei"),
         (OWN.replace("\"knees\"", "\"kneez\""), "knee"),
         (OWN.replace("150.0", "1e999"), "line 3"),
-        (OWN.replace("150.0", "-150.0"), "fx"),
+        (OWN.replace("150.0", "-150.0"), "lens.fx = -150: must be positive"),
         (OWN.replace("[0.01,", "[-2.0,"), "degrees"),
-        (OWN.replace("180.0", "400.0"), "field of view"),
+        (OWN.replace("180.0", "400.0"), "lens.field_of_view_deg = 400"),
         (OPENCV_YAML.replace("5.58478087865323e+02", ".Nan"), "camera_matrix"),
-        (OPENCV_YAML.replace("fisheye_model: 1", "fisheye_model: 0"), "fisheye_model"),
+        (OPENCV_YAML.replace("fisheye_model: 1", "fisheye_model: 0"), "fisheye_model = 0: says"),
         (OPENCV_YAML.replace("image_width", "image_breadth"), "width"),
-        (OPENCV_YAML.replace("1280", "1280.5"), "image_width"),
-        (OPENCV_JSON.replace("-0.00374209380722371]", "0.1, 0.2]"), "key D"),
-        (OPENCV_JSON.replace("558.478087865323, 0.0", "558.478087865323, 3.0"), "key K"),
-        (KALIBR.replacen("equidistant", "radtan", 1), "cam0.distortion_model: radtan"),
-        (KALIBR.replacen("pinhole", "omni", 1), "cam0.camera_model: omni"),
+        (OPENCV_YAML.replace("1280", "1280.5"), "image_width = 1280.5: is not a size"),
+        (OPENCV_JSON.replace("-0.00374209380722371]", "0.1, 0.2]"), "D: cv::fisheye has four coefficients"),
+        (OPENCV_JSON.replace("558.478087865323, 0.0", "558.478087865323, 3.0"), "K: [fx, 0, cx"),
+        (KALIBR.replacen("equidistant", "radtan", 1), "cam0.distortion_model = radtan: is not"),
+        (KALIBR.replacen("pinhole", "omni", 1), "cam0.camera_model = omni: is not"),
         (KALIBR.replacen("190.9, ", "", 1), "cam0.intrinsics"),
         (KALIBR.replacen("500]", "-500]", 1), "cam0.resolution"),
         (KALIBR.replacen("190.9", "1e200", 1), "fx"),
@@ -166,8 +166,9 @@ fn aliases_that_multiply_are_refused() {
 fn files_are_named_and_bounded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lens.json");
-    let missing = Calibration::load(&path, None).unwrap_err().to_string();
-    assert!(missing.contains("lens.json") && missing.contains("cannot be read"), "{missing}");
+    let missing = Calibration::load(&path, None).unwrap_err();
+    assert!(missing.places().eq([&Place::File(path.clone())]), "{missing}");
+    assert!(missing.to_string().contains("lens.json: cannot be read"), "{missing}");
     std::fs::write(&path, vec![b' '; (1 << 20) + 1]).unwrap();
     assert!(Calibration::load(&path, None).unwrap_err().to_string().contains("1 MiB"));
     std::fs::write(&path, [0xff, 0xfe]).unwrap();

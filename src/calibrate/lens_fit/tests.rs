@@ -278,12 +278,12 @@ fn what_determines_no_lens_is_an_error_that_says_what_to_do() {
     nan[3].corners[7].pixel.x = f64::NAN;
     let (kind, message) = failure(&nan, &wide_start());
     assert_eq!(kind, Kind::Usage);
-    assert!(message.contains("view03, corner 8") && message.contains("leave out"), "{message}");
+    assert!(message.contains("view03: corner 8") && message.contains("leave out"), "{message}");
 
     for (start, part) in [
-        (LensStart { circle_diameter_px: 0.0, ..wide_start() }, "circle diameter"),
-        (LensStart { circle_diameter_px: f64::NAN, ..wide_start() }, "circle diameter"),
-        (LensStart { field_of_view_rad: 0.0, ..wide_start() }, "field of view"),
+        (LensStart { circle_diameter_px: 0.0, ..wide_start() }, "circle_diameter_px = 0"),
+        (LensStart { circle_diameter_px: f64::NAN, ..wide_start() }, "circle_diameter_px = NaN"),
+        (LensStart { field_of_view_rad: 0.0, ..wide_start() }, "field_of_view_deg = 0"),
         (LensStart { circle_centre_px: DVec2::NAN, ..wide_start() }, "cx"),
         (LensStart { width: 0, ..wide_start() }, "width"),
     ] {
@@ -292,7 +292,7 @@ fn what_determines_no_lens_is_an_error_that_says_what_to_do() {
         assert!(message.contains(part), "{part}: {message}");
     }
     let never = LensFitOptions { drop_factor: f64::NAN };
-    assert!(fit_lens(&views, &wide_start(), &never).unwrap_err().to_string().contains("drop factor"));
+    assert!(fit_lens(&views, &wide_start(), &never).unwrap_err().to_string().contains("drop_factor"));
 }
 
 #[test]

@@ -175,10 +175,9 @@ impl OpencvForm {
         match extension.to_str() {
             Some("yml" | "yaml") => Ok(Self::Yaml),
             Some("json") => Ok(Self::Json),
-            _ => Err(Error::usage(format!(
-                "--opencv {}: cv::FileStorage goes by the name; end it in .yml, .yaml or .json",
-                path.display()
-            ))),
+            _ => Err(Error::usage("cv::FileStorage goes by the name; end it in .yml, .yaml or .json")
+                .at(path)
+                .at("--opencv")),
         }
     }
 }

@@ -19,10 +19,11 @@ pub(super) fn corners(grid: &AprilGrid, files: &[PathBuf]) -> Result<CornerSet> 
                 let first = *size.get_or_insert(picture);
                 if picture != first {
                     return Err(Error::usage(format!(
-                        "{name}: {} x {} pixels, but the pictures before have {} x {}; one lens at one resolution is \
+                        "has {} x {} pixels, but the pictures before have {} x {}; one lens at one resolution is \
                          calibrated at a time",
                         picture[0], picture[1], first[0], first[1]
-                    )));
+                    ))
+                    .at(path));
                 }
                 tracing::info!("{name}: {} of {} tags", corners.len() / 4, grid.columns * grid.rows);
                 corners

@@ -19,7 +19,7 @@ mod uri;
 use super::budget::Budget;
 use super::files::{Files, short};
 use super::notes::{add_note, normal_notes};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::scene::mesh::{check, drop_zero_area};
 use crate::scene::normals::{fill_normals, flat};
 use crate::scene::{Camera, Instance, Mesh, Node, Roles, Scene, Transform, Vertex};
@@ -92,11 +92,11 @@ fn parse(bytes: &[u8]) -> Result<Gltf> {
     let root = gltf.as_json();
     let mut fault = None;
     root.validate(root, gltf::json::Path::new, &mut |path, error| {
-        fault.get_or_insert_with(|| format!("{}: {error}", path()));
+        fault.get_or_insert_with(|| (path().to_string(), error));
     });
     match fault {
         None => Ok(gltf),
-        Some(fault) => Err(Error::usage(format!("is damaged: {}", short(&fault)))),
+        Some((key, error)) => Err(Error::usage(format!("is damaged: {error}")).at(Place::key(short(&key)))),
     }
 }
 
@@ -156,9 +156,10 @@ impl Reader<'_> {
         while let Some((node, parent, depth)) = stack.pop() {
             let number = node.index();
             if places[number].is_some() {
-                return Err(Error::usage(format!(
-                    "is damaged: node {number} has two parents or is its own ancestor; nodes form trees"
-                )));
+                return Err(Error::usage(
+                    "is damaged: it has two parents or is its own ancestor; nodes form trees",
+                )
+                .at(format_args!("node {number}")));
             }
             if depth > MAX_DEPTH || self.scene.nodes.len() >= MAX_NODES {
                 return Err(Error::usage(format!(
@@ -183,8 +184,9 @@ impl Reader<'_> {
                 let meshes = self.mesh(&mesh)?;
                 if self.scene.instances.len() + meshes.len() > MAX_NODES {
                     return Err(Error::usage(format!(
-                        "node {number}: with it more than {MAX_NODES} meshes are to be drawn; join some"
-                    )));
+                        "with it more than {MAX_NODES} meshes are to be drawn; join some"
+                    ))
+                    .at(format_args!("node {number}")));
                 }
                 for mesh in meshes {
                     self.scene.instances.push(Instance { mesh, node: place, roles });
@@ -204,10 +206,8 @@ impl Reader<'_> {
         }
         let mut places = Vec::new();
         if mesh.primitives().len() > MAX_NODES {
-            return Err(Error::usage(format!(
-                "mesh {}: has more than {MAX_NODES} primitives; join some",
-                mesh.index()
-            )));
+            return Err(Error::usage(format!("has more than {MAX_NODES} primitives; join some"))
+                .at(format_args!("mesh {}", mesh.index())));
         }
         for primitive in mesh.primitives() {
             let name = mesh.name().map(|name| format!(" `{}`", short(name))).unwrap_or_default();

@@ -133,8 +133,8 @@ fn damaged_obj_files_say_what_is_wrong_and_where() {
         ("", "is empty"),
         ("# nothing\n", "has no triangle to show"),
         ("v 0 0 0\nl 1 1\n", "has no triangle to show"),
-        ("v 0 0\n", "at line 1"),
-        ("v 0 0 0\nv 0 0 x\n", "at line 2"),
+        ("v 0 0\n", "line 1: cannot be read as OBJ"),
+        ("v 0 0 0\nv 0 0 x\n", "line 2: cannot be read as OBJ"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "face vertex index out of bounds"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -9\n", "face vertex index out of bounds"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "face vertex index out of bounds"),
@@ -177,7 +177,11 @@ fn damaged_ply_files_say_what_is_wrong() {
     for (says, header, body) in [
         ("is it complete?", HEADER.to_owned(), whole[..40].to_vec()),
         ("is vertex 3, but there are 3", HEADER.to_owned(), [points.clone(), face(&[0, 1, 3])].concat()),
-        ("negative indices", HEADER.to_owned(), [points.clone(), face(&[0, 1, -1])].concat()),
+        (
+            "face 0: is damaged: it has negative indices",
+            HEADER.to_owned(),
+            [points.clone(), face(&[0, 1, -1])].concat(),
+        ),
         ("position of vertex 0 (counted from 0) not finite", HEADER.to_owned(), nan),
         ("has no triangle to show", HEADER.to_owned(), [points.clone(), face(&[0, 1])].concat()),
         ("cannot hold", HEADER.replace("vertex 3", "vertex 18446744073709551615"), whole.clone()),

@@ -10,7 +10,7 @@ use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
 use super::files::{Files, contained, short};
 use super::linear_from_srgb;
 use super::notes::{TRANSPARENCY, add_note, normal_notes};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::scene::material::GREY;
 use crate::scene::mesh::{check, drop_zero_area};
 use crate::scene::normals::fill_normals;
@@ -49,8 +49,9 @@ pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
         })
     });
     let (models, materials) = loaded.map_err(|error| {
-        Error::usage(format!("cannot be read as OBJ, at line {} or in the faces before it", lines.read))
+        Error::usage("cannot be read as OBJ, here or in the faces before")
             .because(error)
+            .at(Place::line(lines.read as u64))
     })?;
     let materials = materials.map_err(|error| Error::usage("has damaged materials").because(error))?;
     let mut files = files.into_inner();
@@ -197,9 +198,8 @@ fn read_library(files: &mut Files, name: &Path) -> Result<(Vec<tobj::Material>, 
     // Programs on Windows write backslashes.
     let bytes = files.read(&name.replace('\\', "/"))?;
     if bytes.len() > MAX_LIBRARY_BYTES {
-        let fault =
-            format!("`{}`: has {} bytes; at most {MAX_LIBRARY_BYTES} are read", short(&name), bytes.len());
-        return Err(Error::usage(fault));
+        let fault = format!("has {} bytes; at most {MAX_LIBRARY_BYTES} are read", bytes.len());
+        return Err(Error::usage(fault).at(format_args!("`{}`", short(&name))));
     }
     contained(|| {
         tobj::load_mtl_buf(&mut bytes.as_slice())

@@ -115,9 +115,8 @@ fn least_bytes(data_type: &PropertyType) -> usize {
 fn triangulate(faces: &[Face], indices: &mut Vec<u32>) -> Result<()> {
     for (number, face) in faces.iter().enumerate() {
         if face.is_damaged {
-            return Err(Error::usage(format!(
-                "is damaged: face {number} (counted from 0) has negative indices"
-            )));
+            return Err(Error::usage("is damaged: it has negative indices (faces are counted from 0)")
+                .at(format_args!("face {number}")));
         }
         for pair in face.corners.get(1..).unwrap_or_default().windows(2) {
             if indices.len() / 3 >= MAX_TRIANGLES {

@@ -197,10 +197,10 @@ fn options_that_make_no_rounds_are_refused() {
     for (options, expected) in [
         (options(0), "latency_frames = 0"),
         (options(17), "must be 1 to 16"),
-        (BracketOptions { values: vec![5], ..options(1) }, "1 exposures cannot be merged"),
-        (BracketOptions { values: vec![5, 5], ..options(1) }, "is there twice"),
-        (BracketOptions { values: vec![5, 0], ..options(1) }, "must be a positive number"),
-        (BracketOptions { unit_s: f64::NAN, ..options(1) }, "must be a positive number"),
+        (BracketOptions { values: vec![5], ..options(1) }, "values: 1 exposures cannot be merged"),
+        (BracketOptions { values: vec![5, 5], ..options(1) }, "values[1] = 5: is there twice"),
+        (BracketOptions { values: vec![5, 0], ..options(1) }, "values[1] = 0: must be a positive number"),
+        (BracketOptions { unit_s: f64::NAN, ..options(1) }, "unit_s = NaN: must be a positive number"),
     ] {
         let camera = Scripted {
             scene: Vec::new(),

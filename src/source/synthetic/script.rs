@@ -319,6 +319,11 @@ fn load_panorama(
 impl Fisheye {
     /// Errors name the key, below `fisheye`.
     fn check(&self) -> Result<(Projection, DMat3, Response)> {
+        // The focal length may follow from it, so it is checked first.
+        if self.field_of_view_deg.is_nan() || self.field_of_view_deg <= 0.0 {
+            return Err(Error::usage("must be over 0, at most 360")
+                .at(Place::value("field_of_view_deg", self.field_of_view_deg)));
+        }
         let theta_max_rad = 0.5 * self.field_of_view_deg.to_radians();
         let [k1, k2, k3, k4] = self.k;
         let t = theta_max_rad * theta_max_rad;
@@ -334,6 +339,17 @@ impl Fisheye {
             cy,
             k: self.k,
             field_of_view_rad: 2.0 * theta_max_rad,
+        })
+        .map_err(|error| {
+            // A script has its own names for these.
+            let name = match error.option() {
+                Some("fx" | "fy") => "focal_px",
+                Some("cx") => "centre_px[0]",
+                Some("cy") => "centre_px[1]",
+                _ => return Error::from(error),
+            };
+            let value = error.value().map(str::to_owned);
+            Error::usage(error.message()).at(Place::Key { name: name.to_owned(), value })
         })?;
         let response = Response::new(self.response.clone())
             .map_err(|error| Error::from(error).at(Place::key("response")))?;

@@ -126,8 +126,13 @@ fn faults_are_named_with_file_line_and_key() {
         ("path = [{ time_s = 0.0", "path = [{ time_s = -inf", "line 15: sky.sun.path[0].time_s: must"),
         ("[9.0, 5.0, 1.0]", "[9.0, 5.0, -1.0]", "line 23: sky.lamp[0].radiance: must"),
         ("elevation_deg = 50.0", "elevation_deg = 95.0", "line 15: sky.sun.path[0]: needs"),
-        ("field_of_view_deg = 180.0", "field_of_view_deg = 0.0", "line 8: fisheye: lens"),
-        ("b = 200.0", "b = 0.0", "line 12: fisheye.response: "),
+        (
+            "field_of_view_deg = 180.0",
+            "field_of_view_deg = 0.0",
+            "line 11: fisheye.field_of_view_deg = 0: must",
+        ),
+        ("[fisheye]", "[fisheye]\nfocal_px = -1.0", "line 9: fisheye.focal_px = -1: must be positive"),
+        ("b = 200.0", "b = 0.0", "line 12: fisheye.response.b = 0: must be "),
         ("[fisheye]", "[lat_long]\nwidth = 9\nheight = 9\n[fisheye]", "lat_long or fisheye: one of"),
         ("read_codes = 0.7", "read_codes = -1.0", "line 7: noise: needs"),
     ] {

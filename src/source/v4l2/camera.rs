@@ -127,20 +127,21 @@ impl V4l2Camera {
     /// Chooses the control that sets the exposure, and checks the values that it will be set to.
     ///
     /// # Errors
-    /// `Usage`: the camera has no such control or value. `LostDevice`: it does not answer.
+    /// `Usage`, naming the key `control` or the element of `values`: the camera has no such control or value.
+    /// `LostDevice`: it does not answer.
     pub fn choose_exposure_control(&mut self, name: &str, values: &[i64]) -> Result<()> {
         let identity = identity::find(&self.name)?;
         let node = Node::open(&identity.node).map_err(|error| lost(&self.name, "cannot be opened", error))?;
         let control = control::find(&node, name).map_err(|error| error.at(&self.name))?;
-        for &value in values {
-            control.number(&ControlValue::Number(value)).map_err(|error| error.at(&self.name))?;
-            node.set_control(control.id, value).map_err(|error| {
-                Error::usage(format!(
-                    "control {name}: the driver refuses {value}; is an automatic exposure on?"
-                ))
-                .because(error)
-                .at(&self.name)
-            })?;
+        for (index, &value) in values.iter().enumerate() {
+            let set = || {
+                control.number(&ControlValue::Number(value))?;
+                node.set_control(control.id, value).map_err(|error| {
+                    Error::usage("the driver refuses it; is an automatic exposure on?").because(error)
+                })
+            };
+            set()
+                .map_err(|error| error.at(Place::value(format!("values[{index}]"), value)).at(&self.name))?;
         }
         self.exposure_control = Some(control.id);
         Ok(())
@@ -158,9 +159,10 @@ impl LiveCamera for V4l2Camera {
         // The filter's taps are designed for one rate; the next attempt may find the camera as it was.
         if (found.frame_rate_hz - self.frame_rate_hz).abs() > RATE_TOLERANCE * self.frame_rate_hz {
             return Err(Error::lost_device(format!(
-                "camera {}: came back at {} Hz and not at {}; write frame_rate_hz into the configuration",
-                self.name, found.frame_rate_hz, self.frame_rate_hz
-            )));
+                "came back at {} Hz and not at {}; write frame_rate_hz into the configuration",
+                found.frame_rate_hz, self.frame_rate_hz
+            ))
+            .at(format_args!("camera {}", self.name)));
         }
         // The memory layout of the rows may differ; the pictures are the same.
         self.layout = found.layout;
@@ -206,7 +208,7 @@ impl ExposureControl for V4l2Camera {
 }
 
 fn lost(name: &str, what: &str, error: io::Error) -> Error {
-    Error::lost_device(format!("camera {name}: {what}")).because(error)
+    Error::lost_device(what).because(error).at(format_args!("camera {name}"))
 }
 
 fn not_started(name: &str) -> Error {
@@ -289,10 +291,11 @@ fn set_format(node: &Node, options: &V4l2Options) -> Result<(PixelFormat, Layout
                 let all: Vec<_> =
                     pixel_format::KNOWN.iter().map(|format| pixel_format::name(format.fourcc)).collect();
                 Error::usage(format!(
-                    "format \"{name}\" cannot be captured; the camera has {}, this program takes {}",
+                    "cannot be captured; the camera has {}, this program takes {}",
                     names(),
                     all.join(", ")
                 ))
+                .at(Place::value("format", format_args!("\"{name}\"")))
             })?
         }
         None => {
@@ -310,17 +313,18 @@ fn set_format(node: &Node, options: &V4l2Options) -> Result<(PixelFormat, Layout
     let fourcc = found.pixelformat.to_le_bytes();
     if fourcc != wanted.fourcc {
         return Err(Error::usage(format!(
-            "format \"{}\" was made {} by the driver; it has {}",
-            pixel_format::name(wanted.fourcc),
+            "was made {} by the driver; it has {}",
             pixel_format::name(fourcc),
             names()
-        )));
+        ))
+        .at(Place::value("format", format_args!("\"{}\"", pixel_format::name(wanted.fourcc)))));
     }
     if options.size.is_some_and(|size| size != [found.width, found.height]) {
         return Err(Error::usage(format!(
-            "size {} x {} was made {} x {} by the driver; `lightcast devices` lists the sizes",
-            size[0], size[1], found.width, found.height
-        )));
+            "was made {} x {} by the driver; `lightcast devices` lists the sizes",
+            found.width, found.height
+        ))
+        .at(Place::value("size", format_args!("{size:?}"))));
     }
     let (width, height) = (found.width as usize, found.height as usize);
     if width == 0 || height == 0 || width > MAX_SIDE_PX || height > MAX_SIDE_PX || width * height > MAX_PIXELS

@@ -1,7 +1,7 @@
 //! Controls of a camera by name: exposure, gain, black level and whatever else its driver has.
 
 use super::node::{Node, text};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -158,33 +158,31 @@ impl Control {
     /// The number that represents `value`.
     ///
     /// # Errors
-    /// `Usage`, naming the valid values.
+    /// `Usage`, naming the valid values; the caller says where the value is from.
     pub(super) fn number(&self, value: &ControlValue) -> Result<i64> {
-        let name = &self.name;
         if self.is_read_only {
-            return Err(Error::usage(format!("control {name}: the camera lets nobody set it; remove it")));
+            return Err(Error::usage("the camera lets nobody set this control; remove it"));
         }
         let number = match (self.kind, value) {
             (ControlKind::Switch, ControlValue::Switch(value)) => i64::from(*value),
             (ControlKind::Menu, ControlValue::Item(item)) => {
                 let found = self.items.iter().find(|(_, name)| identifier(name) == identifier(item));
-                *found.map(|(number, _)| number).ok_or_else(|| self.refused(value))?
+                *found.map(|(number, _)| number).ok_or_else(|| self.refused())?
             }
             (_, ControlValue::Number(number)) => *number,
-            _ => return Err(self.refused(value)),
+            _ => return Err(self.refused()),
         };
         let is_there = self.kind != ControlKind::Menu || self.items.contains_key(&number);
         let is_step =
             number.checked_sub(self.minimum).is_some_and(|above| above.unsigned_abs() % self.step == 0);
         if !(self.minimum..=self.maximum).contains(&number) || !is_there || !is_step {
-            return Err(self.refused(value));
+            return Err(self.refused());
         }
         Ok(number)
     }
 
-    fn refused(&self, value: &ControlValue) -> Error {
-        let possible = self.possible();
-        Error::usage(format!("control {}: {value} is not possible; give {possible}", self.name))
+    fn refused(&self) -> Error {
+        Error::usage(format!("is not possible; give {}", self.possible()))
     }
 
     /// Its valid values, for messages.
@@ -203,19 +201,20 @@ impl Control {
     }
 }
 
-/// The control of this name.
+/// The control of this name, which is the value of the key `control`.
 ///
 /// # Errors
 /// `Usage`: there is none; the message lists the existing ones. `LostDevice` when the camera is gone.
 pub(super) fn find(node: &Node, name: &str) -> Result<Control> {
     let controls = list(node).map_err(|error| lost("its controls cannot be listed", error))?;
-    named(&controls, name).cloned()
+    let place = || Place::value("control", format_args!("\"{name}\""));
+    named(&controls, name).cloned().map_err(|error| error.at(place()))
 }
 
 fn named<'a>(controls: &'a [Control], name: &str) -> Result<&'a Control> {
     controls.iter().find(|control| control.name == name).ok_or_else(|| {
         let names: Vec<&str> = controls.iter().map(|control| control.name.as_str()).collect();
-        Error::usage(format!("control {name}: the camera has only {}", names.join(", ")))
+        Error::usage(format!("the camera has only the controls {}", names.join(", ")))
     })
 }
 
@@ -224,8 +223,8 @@ fn named<'a>(controls: &'a [Control], name: &str) -> Result<&'a Control> {
 /// fewer than those that forget it: so all are set twice.
 ///
 /// # Errors
-/// `Usage` for a name or value that the camera does not have, or a value that the driver changes to another;
-/// `LostDevice` when it is gone.
+/// `Usage`, naming the key, for a name or value that the camera does not have, or a value that the driver
+/// changes to another; `LostDevice` when it is gone.
 pub(super) fn set(node: &Node, wanted: &BTreeMap<String, ControlValue>) -> Result<()> {
     if wanted.is_empty() {
         return Ok(());
@@ -233,26 +232,28 @@ pub(super) fn set(node: &Node, wanted: &BTreeMap<String, ControlValue>) -> Resul
     let controls = list(node).map_err(|error| lost("its controls cannot be listed", error))?;
     let mut settings = Vec::new();
     for (name, value) in wanted {
-        let control = named(&controls, name)?;
-        settings.push((control, value, control.number(value)?));
+        let place = Place::value(format!("controls.{name}"), value);
+        let control = named(&controls, name).map_err(|error| error.at(place.clone()))?;
+        let number = control.number(value).map_err(|error| error.at(place.clone()))?;
+        settings.push((control, place, number));
     }
     for (control, _, number) in &settings {
         // What is refused now may hold the second time.
         let _ = node.set_control(control.id, *number);
     }
-    for (control, value, number) in &settings {
-        node.set_control(control.id, *number).map_err(|error| {
-            Error::usage(format!("control {}: the driver refuses {value}", control.name)).because(error)
-        })?;
+    for (control, place, number) in &settings {
+        node.set_control(control.id, *number)
+            .map_err(|error| Error::usage("the driver refuses it").because(error).at(place.clone()))?;
     }
-    for (control, _, number) in settings {
-        let name = &control.name;
-        let found = read(node, control.id, control.is_wide, control.is_mask)
-            .map_err(|error| lost(&format!("control {name} cannot be read back"), error))?;
+    for (control, place, number) in settings {
+        let found = match read(node, control.id, control.is_wide, control.is_mask) {
+            Ok(found) => found,
+            Err(error) => return Err(lost("cannot be read back", error).at(place)),
+        };
         if found != number {
-            return Err(Error::usage(format!(
-                "control {name}: set to {number}, the driver made {found} of it; is an automatic control on?"
-            )));
+            let fault =
+                format!("set to {number}, the driver made {found} of it; is an automatic control on?");
+            return Err(Error::usage(fault).at(place));
         }
     }
     Ok(())
@@ -309,17 +310,17 @@ mod tests {
             (
                 control(ControlKind::Integer, 0, 9, 1),
                 ControlValue::Number(10),
-                "10 is not possible; give 0 to 9",
+                "is not possible; give 0 to 9",
             ),
             (control(ControlKind::Integer, 0, 9, 1), ControlValue::Number(i64::MIN), "give 0 to 9"),
-            (control(ControlKind::Integer, 0, 9, 1), ControlValue::Switch(true), "true is not possible"),
+            (control(ControlKind::Integer, 0, 9, 1), ControlValue::Switch(true), "give 0 to 9"),
             (control(ControlKind::Switch, 0, 1, 1), ControlValue::Number(2), "give true or false"),
             (
                 control(ControlKind::Menu, 0, 3, 1),
                 ControlValue::Item("auto".into()),
-                "\"auto\" is not possible; give \"Manual Mode\", \"Aperture Priority Mode\"",
+                "is not possible; give \"Manual Mode\", \"Aperture Priority Mode\"",
             ),
-            (control(ControlKind::Menu, 0, 3, 1), ControlValue::Number(2), "2 is not possible"),
+            (control(ControlKind::Menu, 0, 3, 1), ControlValue::Number(2), "is not possible"),
         ] {
             let message = control.number(&value).unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");

@@ -84,13 +84,12 @@ pub(super) fn find(name: &str) -> Result<Identity> {
         return Ok(camera.clone());
     }
     let known: Vec<&str> = cameras.iter().map(|camera| camera.names[0].as_str()).collect();
-    Err(Error::lost_device(if known.is_empty() {
-        format!(
-            "camera {name}: this machine has no camera at all (or none that may be opened: see the group `video`)"
-        )
+    let fault = if known.is_empty() {
+        "this machine has no camera at all (or none that may be opened: see the group `video`)".to_owned()
     } else {
-        format!("camera {name}: is not there; there are {}", known.join(", "))
-    }))
+        format!("is not there; there are {}", known.join(", "))
+    };
+    Err(Error::lost_device(fault).at(format_args!("camera {name}")))
 }
 
 /// `/dev/video0` and so on, by number.

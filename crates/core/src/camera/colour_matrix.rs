@@ -16,14 +16,14 @@ impl ColourMatrix {
     /// is allowed (three equal rows give grey).
     ///
     /// # Errors
-    /// `Usage` for elements that are not finite or beyond 1e6.
+    /// `Usage`, naming the element, for elements that are not finite or beyond 1e6.
     pub fn new(rows: [[f64; 3]; 3]) -> Result<Self> {
-        if let Some(element) =
-            rows.iter().flatten().find(|element| element.is_nan() || element.abs() > ELEMENT_MAX)
-        {
-            return Err(Error::usage(format!(
-                "colour matrix {rows:?}: its elements must be finite, at most {ELEMENT_MAX}, not {element}"
-            )));
+        for (index, element) in rows.into_iter().flatten().enumerate() {
+            if element.is_nan() || element.abs() > ELEMENT_MAX {
+                let name = format!("rec709_from_sensor[{}][{}]", index / 3, index % 3);
+                return Err(Error::usage(format!("must be finite, at most {ELEMENT_MAX}"))
+                    .in_option(&name, Some(&element)));
+            }
         }
         Ok(Self(DMat3::from_cols_array_2d(&rows).transpose()))
     }
@@ -56,10 +56,8 @@ mod tests {
             let mut rows = [[1.0; 3]; 3];
             rows[1][2] = element;
             let message = ColourMatrix::new(rows).unwrap_err().to_string();
-            assert!(
-                message.contains("must be finite") && message.contains(&element.to_string()),
-                "{message}"
-            );
+            let start = format!("rec709_from_sensor[1][2] = {element}: must be finite");
+            assert!(message.starts_with(&start), "{message}");
         }
     }
 }

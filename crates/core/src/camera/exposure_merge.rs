@@ -98,8 +98,6 @@ const SATURATED_IN_SHORTEST: u16 = 1 << 14;
 const BLACK_IN_LONGEST: u16 = 1 << 15;
 const COUNT: u16 = SATURATED_IN_SHORTEST - 1;
 
-/// Most exposures of a cycle.
-const MOST_EXPOSURES: usize = 64;
 /// Share of the codes, below saturation, over which the weight fades.
 const FADE: f64 = 0.05;
 /// Smallest relative standard deviation: no property of a sensor is known more accurately.
@@ -108,43 +106,57 @@ const BEST_ERROR: f64 = 1e-4;
 const SMALLEST_WEIGHT: f64 = 1e-24;
 
 impl ExposureMerge {
+    /// Most exposures of a cycle.
+    pub const MOST_EXPOSURES: usize = 64;
+
     /// Makes the tables for exposure times in s, in the order in which the camera cycles through them.
     ///
     /// # Errors
-    /// `Usage`: the identity as response, fewer than 2 exposures or more than 64, times that are not positive
-    /// or are repeated, radiances beyond the range of f32, noise that is not positive.
+    /// `Usage`, naming the argument or its element: the identity as response, fewer than 2 exposures or more
+    /// than 64, times that are not positive or are repeated, radiances beyond the range of f32, noise that is
+    /// not positive.
     pub fn new(response: &Response, exposures_s: &[f64], noise: &SensorNoise) -> Result<Self> {
         if response.is_identity() {
             return Err(Error::usage(
-                "exposures of raw codes cannot be merged without a response; find it with calibrate response",
-            ));
+                "exposures of raw codes cannot be merged without one; find it with calibrate response",
+            )
+            .in_option("response", None));
         }
-        if !(2..=MOST_EXPOSURES).contains(&exposures_s.len()) {
+        if !(2..=Self::MOST_EXPOSURES).contains(&exposures_s.len()) {
             return Err(Error::usage(format!(
-                "{} exposures cannot be merged, it must be 2 to {MOST_EXPOSURES}",
-                exposures_s.len()
-            )));
+                "{} exposures cannot be merged, it must be 2 to {}",
+                exposures_s.len(),
+                Self::MOST_EXPOSURES
+            ))
+            .in_option("exposures_s", None));
         }
         let is_positive = |value: f64| value.is_finite() && value > 0.0;
-        if let Some(time) = exposures_s.iter().find(|time| !is_positive(**time)) {
-            return Err(Error::usage(format!("exposure time {time} s must be a positive number")));
+        let wrong_time = |index: usize, fault: &str| {
+            Error::usage(fault).in_option(&format!("exposures_s[{index}]"), Some(&exposures_s[index]))
+        };
+        if let Some(index) = exposures_s.iter().position(|time| !is_positive(*time)) {
+            return Err(wrong_time(index, "must be a positive number"));
         }
-        if !is_positive(noise.read_codes) || !is_positive(noise.full_well_electrons) {
-            return Err(Error::usage(format!("sensor noise: {noise:?} must be positive numbers")));
+        for (name, value) in
+            [("noise.read_codes", noise.read_codes), ("noise.full_well_electrons", noise.full_well_electrons)]
+        {
+            if !is_positive(value) {
+                return Err(Error::usage("must be a positive number").in_option(name, Some(&value)));
+            }
         }
         let mut by_time: Vec<usize> = (0..exposures_s.len()).collect();
         by_time.sort_by(|&one, &two| exposures_s[two].total_cmp(&exposures_s[one]));
         if let Some(pair) = by_time.windows(2).find(|pair| exposures_s[pair[0]] == exposures_s[pair[1]]) {
-            return Err(Error::usage(format!("exposure time {} s is there twice", exposures_s[pair[0]])));
+            return Err(wrong_time(pair[1], "is there twice"));
         }
         let (longest, shortest) = (by_time[0], by_time[by_time.len() - 1]);
         let (black, saturation) = ends(response);
         if saturation / exposures_s[shortest] > f64::from(f32::MAX) {
-            return Err(Error::usage(format!(
-                "a radiance of {:e}, saturation in {} s, is more than a float holds; scale the response down",
-                saturation / exposures_s[shortest],
-                exposures_s[shortest]
-            )));
+            let fault = format!(
+                "saturation in this time is a radiance of {:e}, more than a float holds; scale the response down",
+                saturation / exposures_s[shortest]
+            );
+            return Err(wrong_time(shortest, &fault));
         }
         let mut fallbacks = vec![(black / exposures_s[longest]) as f32];
         for pair in by_time.windows(2) {

@@ -288,12 +288,13 @@ fn rotation(world_from_camera: DMat3) -> Result<DMat3> {
     // Files give rotations with six digits or more; a matrix that is further off is a scale, a shear or a
     // mistake.
     if worst > 1e-5 || world_from_camera.determinant() <= 0.0 {
+        let rows = world_from_camera.transpose().to_cols_array_2d();
         return Err(Error::usage(format!(
-            "world_from_camera {:?} is not a rotation: its rows must be perpendicular unit vectors, \
-             right-handed (off by {worst:.1e}, determinant {:.6})",
-            world_from_camera.transpose().to_cols_array_2d(),
+            "is not a rotation: its rows must be perpendicular unit vectors, right-handed (off by {worst:.1e}, \
+             determinant {:.6})",
             world_from_camera.determinant(),
-        )));
+        ))
+        .in_option("world_from_camera", Some(&format!("{rows:?}"))));
     }
     // An exact matrix stays as it is.
     Ok(if worst > 1e-14 {

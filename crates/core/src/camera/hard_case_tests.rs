@@ -312,13 +312,15 @@ fn matrices_that_are_no_rotation_and_absurd_sizes_are_refused() {
     let shape = PolarShape::sphere(4, 2);
     let mirror = DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
     for matrix in [DMat3::ZERO, mirror, DMat3::IDENTITY * 2.0, DMat3::IDENTITY * f64::NAN] {
-        let message = FrameToPolar::new(&projection, matrix, shape).unwrap_err().to_string();
-        assert!(message.contains("not a rotation"), "{message}");
+        let error = FrameToPolar::new(&projection, matrix, shape).unwrap_err();
+        assert_eq!(error.option(), Some("world_from_camera"));
+        assert!(error.message().starts_with("is not a rotation"), "{error}");
     }
     // A matrix that a file gives with six digits counts as a rotation.
     let rounded =
         DMat3::from_cols_array(&DMat3::from_rotation_x(0.5).to_cols_array().map(|v| (v * 1e6).round() / 1e6));
     assert!(FrameToPolar::new(&projection, rounded, shape).is_ok());
     let huge = Projection::LatLong { width: 60_000, height: 60_000, centres: LatLongCentres::Half };
-    assert!(FrameToPolar::new(&huge, DMat3::IDENTITY, shape).is_err());
+    let error = FrameToPolar::new(&huge, DMat3::IDENTITY, shape).unwrap_err();
+    assert_eq!((error.option(), error.value()), (Some("width"), Some("60000")));
 }

@@ -77,44 +77,41 @@ impl Lens {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// `Usage`, naming the parameter: a size of 0 or over 65,535, a focal length that is not positive,
-    /// anything that is not finite or beyond what a lens can have, and coefficients with which r stops
-    /// increasing inside the field of view, with the angle.
+    /// `Usage`, naming the parameter as calibration files do: a size of 0 or over 65,535, a focal length that
+    /// is not positive, anything that is not finite or beyond what a lens can have, and coefficients with
+    /// which r stops increasing inside the field of view, with the angle.
     pub fn new(parameters: LensParameters) -> Result<Self> {
         let LensParameters { width, height, fx, fy, cx, cy, k, field_of_view_rad } = parameters;
         for (name, value) in [("width", width), ("height", height)] {
             if !(1..=SIZE_MAX_PX).contains(&value) {
-                return Err(Error::usage(format!("lens {name} {value}: must be 1 to {SIZE_MAX_PX} pixels")));
+                return Err(
+                    Error::usage(format!("must be 1 to {SIZE_MAX_PX} pixels")).in_option(name, Some(&value))
+                );
             }
         }
         for (name, value) in [("fx", fx), ("fy", fy)] {
             if !(value > 0.0 && value <= FOCAL_MAX_PX) {
-                return Err(Error::usage(format!(
-                    "lens {name} {value}: must be positive, at most {FOCAL_MAX_PX} pixels"
-                )));
+                return Err(Error::usage(format!("must be positive, at most {FOCAL_MAX_PX} pixels"))
+                    .in_option(name, Some(&value)));
             }
         }
         for (name, value) in [("cx", cx), ("cy", cy)] {
             if value.is_nan() || value.abs() > FOCAL_MAX_PX {
-                return Err(Error::usage(format!(
-                    "lens {name} {value}: must be finite, at most {FOCAL_MAX_PX} pixels"
-                )));
+                return Err(Error::usage(format!("must be finite, at most {FOCAL_MAX_PX} pixels"))
+                    .in_option(name, Some(&value)));
             }
         }
         for (index, value) in k.into_iter().enumerate() {
             if value.is_nan() || value.abs() > COEFFICIENT_MAX {
-                return Err(Error::usage(format!(
-                    "lens k{} {value}: must be finite, at most {COEFFICIENT_MAX}",
-                    index + 1
-                )));
+                return Err(Error::usage(format!("must be finite, at most {COEFFICIENT_MAX}"))
+                    .in_option(&format!("k[{index}]"), Some(&value)));
             }
         }
+        let field_of_view_deg = field_of_view_rad.to_degrees();
         // Degrees to radians may round 360 degrees just past the full turn.
         if !(field_of_view_rad > 0.0 && field_of_view_rad <= TAU + 1e-12) {
-            return Err(Error::usage(format!(
-                "lens field of view {} degrees: must be over 0, at most 360",
-                field_of_view_rad.to_degrees()
-            )));
+            return Err(Error::usage("must be over 0, at most 360")
+                .in_option("field_of_view_deg", Some(&field_of_view_deg)));
         }
         let polynomial = RadialPolynomial { k };
         let theta_max_rad = (0.5 * field_of_view_rad).min(PI);
@@ -122,13 +119,12 @@ impl Lens {
             && turn_rad <= theta_max_rad
         {
             return Err(Error::usage(format!(
-                "lens coefficients k {k:?} turn at {:.3} degrees from the axis: beyond it r(theta) no longer \
-                 increases, but the field of view is declared as {:.3} degrees; declare less than {:.3} \
-                 degrees or calibrate again with marks nearer to the rim",
+                "the coefficients k {k:?} turn at {:.3} degrees from the axis: beyond it r(theta) no longer \
+                 increases; declare less than {:.3} degrees or calibrate again with marks nearer to the rim",
                 turn_rad.to_degrees(),
-                field_of_view_rad.to_degrees(),
                 2.0 * turn_rad.to_degrees(),
-            )));
+            ))
+            .in_option("field_of_view_deg", Some(&field_of_view_deg)));
         }
         let radius_max = polynomial.radius(theta_max_rad);
         Ok(Self { parameters, polynomial, theta_max_rad, radius_max })
@@ -269,8 +265,9 @@ mod tests {
         // r' = 1 - 0.3 theta^2 = 0 at sqrt(10 / 3) rad = 104.607 degrees.
         let mut parameters = equidistant(512, 512, 220.0);
         parameters.k = [-0.1, 0.0, 0.0, 0.0];
-        let message = Lens::new(parameters).unwrap_err().to_string();
-        assert!(message.contains("104.607 degrees"), "{message}");
+        let error = Lens::new(parameters).unwrap_err();
+        assert_eq!(error.option(), Some("field_of_view_deg"));
+        assert!(error.message().contains("104.607 degrees"), "{error}");
         parameters.field_of_view_rad = 200f64.to_radians();
         assert!(Lens::new(parameters).is_ok());
     }
@@ -285,13 +282,14 @@ mod tests {
             (LensParameters { fy: f64::NAN, ..good }, "fy"),
             (LensParameters { cx: f64::INFINITY, ..good }, "cx"),
             (LensParameters { cy: -1e9, ..good }, "cy"),
-            (LensParameters { k: [0.0, 0.0, f64::NAN, 0.0], ..good }, "k3"),
-            (LensParameters { field_of_view_rad: 7.0, ..good }, "field of view"),
-            (LensParameters { field_of_view_rad: 0.0, ..good }, "field of view"),
+            (LensParameters { k: [0.0, 0.0, f64::NAN, 0.0], ..good }, "k[2]"),
+            (LensParameters { field_of_view_rad: 7.0, ..good }, "field_of_view_deg"),
+            (LensParameters { field_of_view_rad: 0.0, ..good }, "field_of_view_deg"),
         ];
         for (parameters, name) in cases {
-            let message = Lens::new(parameters).unwrap_err().to_string();
-            assert!(message.contains(name), "{name}: {message}");
+            let error = Lens::new(parameters).unwrap_err();
+            assert_eq!(error.option(), Some(name), "{error}");
+            assert!(error.value().is_some(), "{error}");
         }
     }
 

@@ -49,15 +49,18 @@ impl Mosaic {
         let Projection::Fisheye(lens) = projection else {
             return Err(Error::usage(format!(
                 "a lat-long panorama is no mosaic of colours {bayer}: frames of a mosaic come through a fisheye lens"
-            )));
+            ))
+            .in_option("projection", None));
         };
         let LensParameters { width, height, .. } = *lens.parameters();
-        if width % 2 != 0 || height % 2 != 0 {
-            return Err(Error::usage(format!(
-                "frames of {width} x {height} pixels in a mosaic of colours {bayer}: columns and rows must be even, \
-                 whole periods of the mosaic; crop the frames by a column or row at the right or lower side and \
-                 change the lens's width and height"
-            )));
+        for (name, side_px) in [("width", width), ("height", height)] {
+            if side_px % 2 != 0 {
+                return Err(Error::usage(format!(
+                    "frames in a mosaic of colours {bayer} have even columns and rows, whole periods of the mosaic; \
+                     crop them by a column or row at the right or lower side and change the lens's {name}"
+                ))
+                .in_option(name, Some(&side_px)));
+            }
         }
         let channels = bayer.channels();
         let mut planes = Vec::with_capacity(4);

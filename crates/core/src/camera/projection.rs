@@ -64,10 +64,16 @@ impl Projection {
     pub(super) fn check_size(&self) -> Result<()> {
         let (width, height) = (self.width(), self.height());
         // Column numbers are kept in 16 bits; 2^27 pixels is a 16,384 x 8,192 panorama.
-        if width == 0 || height == 0 || width > 65_535 || height > 65_535 || width * height > 1 << 27 {
-            return Err(Error::usage(format!(
-                "frames of {width} x {height} pixels: must be at least 1 x 1, at most 65535 a side and 2^27 in all"
-            )));
+        for (name, side_px) in [("width", width), ("height", height)] {
+            if !(1..=65_535).contains(&side_px) {
+                return Err(
+                    Error::usage("frames have 1 to 65535 pixels a side").in_option(name, Some(&side_px))
+                );
+            }
+        }
+        if width * height > 1 << 27 {
+            let fault = format!("frames have at most 2^27 pixels in all, these have {height} rows");
+            return Err(Error::usage(fault).in_option("width", Some(&width)));
         }
         Ok(())
     }

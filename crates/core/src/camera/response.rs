@@ -81,48 +81,56 @@ impl Response {
     /// `Usage`, naming the key: numbers that are not finite, slopes that are not positive, clip codes or
     /// knees out of order, and models whose largest radiance is beyond the range of f32.
     pub fn new(model: ResponseModel) -> Result<Self> {
-        let (black_clip_code, saturation_code) = match &model {
+        let positive = |key: &str, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                return Ok(());
+            }
+            Err(Error::usage("must be finite and positive").in_option(key, Some(&value)))
+        };
+        let ((black_key, black_clip_code), (saturation_key, saturation_code)) = match &model {
             ResponseModel::Identity => return Ok(Self::default()),
             ResponseModel::Logarithmic { a, b, black_clip_code, saturation_code } => {
-                if !(a.is_finite() && b.is_finite() && *b > 0.0) {
-                    return Err(Error::usage(format!(
-                        "logarithmic: a {a} must be finite and b {b} positive"
-                    )));
+                if !a.is_finite() {
+                    return Err(Error::usage("must be finite").in_option("a", Some(a)));
                 }
-                (*black_clip_code, *saturation_code)
+                positive("b", *b)?;
+                (("black_clip_code", *black_clip_code), ("saturation_code", *saturation_code))
             }
             ResponseModel::Linear { black_level, white_level, gain } => {
-                if !(gain.is_finite() && *gain > 0.0) {
-                    return Err(Error::usage(format!("linear: gain {gain} must be positive")));
-                }
-                (*black_level, *white_level)
+                positive("gain", *gain)?;
+                (("black_level", *black_level), ("white_level", *white_level))
             }
             ResponseModel::PiecewiseLinear { knees } => {
-                let rising = knees.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1);
-                let sound = knees.iter().all(|knee| knee.1.is_finite() && knee.1 >= 0.0);
-                let (true, true, [first, .., last]) = (rising, sound, knees.as_slice()) else {
-                    return Err(Error::usage(
-                        "piecewise-linear: knees must be at least two pairs of code and radiance, \
-                         both strictly increasing, radiance finite and not negative",
-                    ));
+                let [first, .., last] = knees.as_slice() else {
+                    return Err(Error::usage("must be at least two pairs of code and radiance")
+                        .in_option("knees", None));
                 };
-                (first.0, last.0)
+                let wrong = |index: usize, fault: &str| {
+                    let (code, radiance) = knees[index];
+                    let value = format!("[{code}, {radiance:?}]");
+                    Err(Error::usage(fault).in_option(&format!("knees[{index}]"), Some(&value)))
+                };
+                let is_sound = |radiance: f64| (0.0..=f64::from(f32::MAX)).contains(&radiance);
+                if let Some(index) = knees.iter().position(|knee| !is_sound(knee.1)) {
+                    return wrong(index, &format!("radiance must be 0 to {:e}", f32::MAX));
+                }
+                let is_rising = |pair: &[(u16, f64)]| pair[0].0 < pair[1].0 && pair[0].1 < pair[1].1;
+                if let Some(index) = knees.windows(2).position(|pair| !is_rising(pair)) {
+                    return wrong(index + 1, "code and radiance must be above those of the knee before");
+                }
+                (("knees", first.0), ("knees", last.0))
             }
         };
         if black_clip_code >= saturation_code {
-            return Err(Error::usage(format!(
-                "the black clip at code {black_clip_code} must lie below saturation at code \
-                 {saturation_code}"
-            )));
+            return Err(Error::usage(format!("must lie below {saturation_key} = {saturation_code}"))
+                .in_option(black_key, Some(&black_clip_code)));
         }
         let table =
             by_code(|code| model.radiance(f64::from(code.clamp(black_clip_code, saturation_code))) as f32);
         // The saturation code has the largest radiance; the codes are monotonic.
         if !table[usize::from(saturation_code)].is_finite() {
-            return Err(Error::usage(format!(
-                "code {saturation_code} stands for a radiance beyond {:e}; check the model's numbers",
-                f32::MAX
-            )));
+            let fault = format!("stands for a radiance beyond {:e}; check the model's numbers", f32::MAX);
+            return Err(Error::usage(fault).in_option(saturation_key, Some(&saturation_code)));
         }
         Ok(Self { model, table, black_clip_code, saturation_code })
     }
@@ -264,19 +272,38 @@ mod tests {
         let cases = [
             (
                 ResponseModel::Logarithmic { a: f64::NAN, b: 1.0, black_clip_code: 0, saturation_code: 9 },
-                "a NaN",
+                "a = NaN: must be finite",
             ),
-            (ResponseModel::Logarithmic { a: 0.0, b: 0.0, black_clip_code: 0, saturation_code: 9 }, "b 0"),
-            (ResponseModel::Logarithmic { a: 0.0, b: 1.0, black_clip_code: 0, saturation_code: 900 }, "900"),
-            (ResponseModel::Linear { black_level: 9, white_level: 9, gain: 1.0 }, "black clip"),
-            (ResponseModel::Linear { black_level: 0, white_level: 9, gain: -1.0 }, "gain"),
-            (ResponseModel::PiecewiseLinear { knees: vec![(0, 0.0)] }, "knees"),
-            (ResponseModel::PiecewiseLinear { knees: vec![(0, 0.0), (5, 2.0), (9, 1.0)] }, "knees"),
-            (ResponseModel::PiecewiseLinear { knees: vec![(0, -1.0), (5, 2.0)] }, "knees"),
+            (
+                ResponseModel::Logarithmic { a: 0.0, b: 0.0, black_clip_code: 0, saturation_code: 9 },
+                "b = 0: must be finite and positive",
+            ),
+            (
+                ResponseModel::Logarithmic { a: 0.0, b: 1.0, black_clip_code: 0, saturation_code: 900 },
+                "saturation_code = 900: stands for a radiance",
+            ),
+            (
+                ResponseModel::Linear { black_level: 9, white_level: 9, gain: 1.0 },
+                "black_level = 9: must lie below white_level = 9",
+            ),
+            (ResponseModel::Linear { black_level: 0, white_level: 9, gain: -1.0 }, "gain = -1: must be"),
+            (ResponseModel::PiecewiseLinear { knees: vec![(0, 0.0)] }, "knees: must be at least two pairs"),
+            (
+                ResponseModel::PiecewiseLinear { knees: vec![(0, 0.0), (5, 2.0), (9, 1.5)] },
+                "knees[2] = [9, 1.5]: code and radiance must be above",
+            ),
+            (
+                ResponseModel::PiecewiseLinear { knees: vec![(0, -1.0), (5, 2.0)] },
+                "knees[0] = [0, -1.0]: radiance must be 0 to",
+            ),
+            (
+                ResponseModel::PiecewiseLinear { knees: vec![(0, 0.0), (5, 1e39)] },
+                "knees[1] = [5, 1e39]: radiance must",
+            ),
         ];
-        for (model, part) in cases {
+        for (model, start) in cases {
             let message = Response::new(model).unwrap_err().to_string();
-            assert!(message.contains(part), "{part}: {message}");
+            assert!(message.starts_with(start), "{start}: {message}");
         }
     }
 }

@@ -141,8 +141,11 @@ fn wrong_use_is_refused_before_anything_is_written() {
     let corners = word("corners.json");
     for (words, part) in [
         (vec![&*corners, "--field-of-view-deg=170", "-o", &word("notes.txt")], "will not be replaced"),
-        (vec![&*corners, "--field-of-view-deg=0", "-o", &word("a.json")], "field of view"),
-        (vec![&*corners, "--field-of-view-deg=170", "--drop-factor=1", "-o", &word("a.json")], "drop factor"),
+        (vec![&*corners, "--field-of-view-deg=0", "-o", &word("a.json")], "field_of_view_deg = 0"),
+        (
+            vec![&*corners, "--field-of-view-deg=170", "--drop-factor=1", "-o", &word("a.json")],
+            "drop_factor = 1",
+        ),
         (vec![&*corners, &*corners, "--field-of-view-deg=170", "-o", &word("a.json")], "one file of corners"),
         (vec![&*word("b.json"), "--field-of-view-deg=170", "-o", &word("a.json")], "b.json: cannot be read"),
         (

@@ -31,11 +31,11 @@ pub(super) fn find(arguments: &Arguments, inputs: &[Taken], known: Option<&Respo
         None => from_exif(&files)?,
     };
     if times.is_none() && known.is_none() {
-        return Err(Error::usage(format!(
-            "{}: has no exposure time in EXIF data; say the times with --exposures, or give a response with \
+        return Err(Error::usage(
+            "has no exposure time in EXIF data; say the times with --exposures, or give a response with \
              --calibration",
-            files[0].display()
-        )));
+        )
+        .at(&files[0]));
     }
 
     let mut samples = BracketSamples::default();

@@ -56,7 +56,7 @@ fn damaged_documents_say_what_is_wrong_and_where() {
         }),
     );
     fault(
-        "node 0 has two parents or is its own ancestor",
+        "node 0: is damaged: it has two parents or is its own ancestor",
         Box::new(|d| {
             d.json["nodes"] = json!([{ "mesh": 0, "children": [1] }, { "children": [0] }]);
         }),
@@ -70,7 +70,7 @@ fn damaged_documents_say_what_is_wrong_and_where() {
         }),
     );
     fault(
-        "node 2 has two parents",
+        "node 2: is damaged: it has two parents",
         Box::new(|d| {
             d.json["nodes"] = json!([{ "mesh": 0, "children": [1, 2] }, { "children": [2] }, {}]);
         }),
@@ -103,7 +103,7 @@ fn damaged_documents_say_what_is_wrong_and_where() {
         }),
     );
     fault(
-        "baseColorFactor is [2.0",
+        "material 0: baseColorFactor = [2.0",
         Box::new(|d| {
             d.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorFactor": [2, 1, 1, 1] } }]);
             d.primitive()["material"] = json!(0);

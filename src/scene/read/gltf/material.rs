@@ -2,7 +2,7 @@
 
 use super::accessor::{Buffers, view_bytes};
 use super::uri::read_uri;
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::scene::read::files::{Files, contained};
 use crate::scene::read::notes::{TRANSPARENCY, add_note};
 use crate::scene::texture::MAX_TEXTURE_PIXELS;
@@ -142,5 +142,5 @@ fn factors<const N: usize>(values: [f32; N], name: &str) -> Result<[f32; N]> {
     if values.iter().all(|value| (0.0..=1.0).contains(value)) {
         return Ok(values);
     }
-    Err(Error::usage(format!("{name} is {values:?}; glTF has it in [0, 1]")))
+    Err(Error::usage("glTF has it in [0, 1]").at(Place::value(name, format_args!("{values:?}"))))
 }

@@ -120,10 +120,11 @@ fn settings_that_cannot_be_merged_are_refused() {
         ExposureMerge::new(response, times, noise).unwrap_err().to_string()
     };
     let usual = SensorNoise::default();
-    assert!(failure(&Response::default(), &[1.0, 0.1], &usual).contains("without a response"));
-    assert!(failure(&linear(), &[1.0], &usual).contains("2 to 64"));
-    assert!(failure(&linear(), &[1.0, f64::NAN], &usual).contains("positive"));
-    assert!(failure(&linear(), &[1.0, 0.5, 1.0], &usual).contains("twice"));
-    assert!(failure(&linear(), &[1.0, 1e-39], &usual).contains("more than a float"));
-    assert!(failure(&linear(), &[1.0, 0.1], &SensorNoise { read_codes: 0.0, ..usual }).contains("noise"));
+    assert!(failure(&Response::default(), &[1.0, 0.1], &usual).starts_with("response: exposures of raw"));
+    assert!(failure(&linear(), &[1.0], &usual).starts_with("exposures_s: 1 exposures"));
+    assert!(failure(&linear(), &[1.0, f64::NAN], &usual).starts_with("exposures_s[1] = NaN: must be"));
+    assert!(failure(&linear(), &[1.0, 0.5, 1.0], &usual).starts_with("exposures_s[2] = 1: is there twice"));
+    assert!(failure(&linear(), &[1.0, 1e-39], &usual).contains("more than a float holds"));
+    let silent = SensorNoise { read_codes: 0.0, ..usual };
+    assert!(failure(&linear(), &[1.0, 0.1], &silent).starts_with("noise.read_codes = 0: must be"));
 }

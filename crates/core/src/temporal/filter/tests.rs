@@ -340,7 +340,7 @@ fn empty_list_passes() {
     let left = run(&[input.clone(), input]);
     assert_eq!(
         (left[1].list.lights.len(), left[1].list.error, left[1].list.filter_delay_frames),
-        (0, Some(0.0), 4)
+        (0, None, 4)
     );
 }
 
