@@ -24,11 +24,16 @@ pub(super) fn parse(text: &str) -> Result<Value> {
 }
 
 /// OpenCV begins its files with `%YAML:1.0`, which is not YAML (the directive has a space and needs `---`
-/// after it). The line is replaced by blanks, so that positions in messages stay correct.
+/// after it). The line is replaced by blanks, so that positions in messages stay correct. `rostopic echo`
+/// ends every message with `---`, behind which no other document comes.
 fn yaml_body(text: &str) -> String {
-    match text.split_once('\n') {
+    let body = match text.split_once('\n') {
         Some((first, rest)) if first.starts_with("%YAML") => format!("\n{rest}"),
         _ => text.to_owned(),
+    };
+    match body.trim_end().strip_suffix("\n---").or_else(|| body.trim_end().strip_suffix("\r\n---")) {
+        Some(message) => message.to_owned(),
+        None => body,
     }
 }
 

@@ -26,6 +26,7 @@ fn cameras(document: &Value) -> impl Iterator<Item = (&str, &Value)> {
 /// # Errors
 /// `Usage`, naming the key.
 pub(super) fn lens(document: &Value, camera: Option<&str>) -> Result<LensParameters> {
+    let is_chosen = camera.is_some();
     let found = cameras(document).find(|(name, _)| camera.is_none_or(|wanted| wanted == *name));
     let Some((name, camera)) = found else {
         let names: Vec<&str> = cameras(document).map(|(name, _)| name).collect();
@@ -41,8 +42,15 @@ pub(super) fn lens(document: &Value, camera: Option<&str>) -> Result<LensParamet
     for (model, supported) in [("camera_model", "pinhole"), ("distortion_model", "equidistant")] {
         let found = value(model)?.as_str().unwrap_or("not a word");
         if found != supported {
+            let others: Vec<&str> =
+                cameras(document).map(|(other, _)| other).filter(|other| *other != name).collect();
+            let choice = if others.is_empty() || is_chosen {
+                String::new()
+            } else {
+                format!(", or choose another camera of the chain ({}) by `kalibr_camera`", others.join(", "))
+            };
             return Err(Error::usage(format!(
-                "is not supported, only {supported}: calibrate with Kalibr's model pinhole-equi"
+                "is not supported, only {supported}: calibrate with Kalibr's model pinhole-equi{choice}"
             ))
             .at(Place::value(key(model), found)));
         }

@@ -31,6 +31,7 @@ pub(super) fn lens(document: &Value) -> Result<LensParameters> {
         return Err(Error::usage("says that this is not a fisheye calibration; calibrate with cv::fisheye")
             .at(Place::value(key, 0)));
     }
+    check_model(document)?;
     let [fx, skew, cx, zero_a, fy, cy, zero_b, zero_c, one] = numbers::<9>(matrix, matrix_key)?;
     // OpenCV writes 16 digits; a skew of a millionth of the focal length moves no pixel by 0.01.
     if [skew, zero_a, zero_b, zero_c].into_iter().any(|value| value.abs() > 1e-6 * fx.abs()) || one != 1.0 {
@@ -58,6 +59,29 @@ pub(super) fn lens(document: &Value) -> Result<LensParameters> {
         }
     };
     Ok(LensParameters { width, height, fx, fy, cx: cx + 0.5, cy: cy + 0.5, k, field_of_view_rad: 0.0 })
+}
+
+/// Names that programs give to the model of `cv::fisheye`.
+const FISHEYE_MODELS: &[&str] =
+    &["equidistant", "fisheye", "kannalabrandt", "kannalabrandt4", "kb4", "opencvfisheye"];
+
+/// A file that names its model must name that of `cv::fisheye`: ROS writes the coefficients of `plumb_bob`
+/// under the same keys, and four of them look like a fisheye's.
+fn check_model(document: &Value) -> Result<()> {
+    let named = ["distortionmodel", "model", "cameramodel", "projectionmodel", "lensmodel"];
+    for name in named {
+        let Some((key, value)) = find(document, &[name]) else { continue };
+        let model = value.as_str().unwrap_or("not a word");
+        let plain = model.replace(['_', '-', ' '], "").to_lowercase();
+        let is_pinhole = plain == "pinhole" && name != "distortionmodel";
+        if !is_pinhole && !FISHEYE_MODELS.contains(&plain.as_str()) {
+            return Err(Error::usage(
+                "is not a model of a fisheye lens that is read here; calibrate with cv::fisheye or ROS's equidistant",
+            )
+            .at(Place::value(key, model)));
+        }
+    }
+    Ok(())
 }
 
 /// The lens as `cv::FileStorage` writes it in YAML, under the names of OpenCV's calibration sample, with

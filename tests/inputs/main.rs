@@ -2,6 +2,7 @@
 //! folder (`faults`), and their right values.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
+mod calibrations;
 mod pictures;
 
 use std::io::Write as _;

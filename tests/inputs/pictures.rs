@@ -107,3 +107,12 @@ fn a_probe_is_refused_until_its_layout_is_said_and_then_read() {
     let output = lightcast(&["lights", "--lights", "4", "--layout", "cube-cross"], &path);
     assert!(said(&output).contains("four by three"), "{}", said(&output));
 }
+
+#[test]
+fn frames_of_one_sequence_may_have_different_data_windows() {
+    let Some(path) = fault("seq/crop/c.toml") else { return };
+    let output = lightcast(&["run"], &path);
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(String::from_utf8(output.stdout.clone()).unwrap().lines().count(), 3, "{}", said(&output));
+    assert!(!said(&output).contains("bad frame,"), "{}", said(&output));
+}
