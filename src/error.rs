@@ -19,6 +19,8 @@ pub enum Kind {
     BadFrame,
     /// A device does not answer or has gone: try again later.
     LostDevice,
+    /// What is needed is taken, and will be there again, such as a file handle: wait, and try the same again.
+    NotNow,
     /// The command line, a configuration or a calibration is wrong: exit code 2.
     Usage,
     /// Anything else: stop, exit code 1.
@@ -44,6 +46,11 @@ impl Error {
     /// A device that does not answer or has gone.
     pub fn lost_device(message: impl Into<String>) -> Self {
         Self::new(Kind::LostDevice, message.into())
+    }
+
+    /// Something that cannot be had for now.
+    pub fn not_now(message: impl Into<String>) -> Self {
+        Self::new(Kind::NotNow, message.into())
     }
 
     /// A mistake in a command line, configuration or calibration.

@@ -7,9 +7,8 @@ use super::signals::SignalWatch;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::net::{Board, Server};
-use crate::rt::{Shutdown, StoppableWriter};
+use crate::rt::{Shutdown, StoppableWriter, handle_limit, raise_handle_limit};
 use crate::service::{Ends, Output, Pictures, RecordOptions, Service, Summary};
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serving::Serving;
 use std::cell::RefCell;
 use std::fs::File;
@@ -80,6 +79,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     arguments.config.check("run")?;
     let config = Config::load(arguments.config.path())?;
+    allow_many_files();
     let shutdown = Shutdown::new();
     let Some(address) = &arguments.listen else {
         let _signals = SignalWatch::start(&shutdown)?;
@@ -90,7 +90,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         return watch(service, &summary, "lists", Summary::lists_made, |_| ());
     };
     let signals = SignalWatch::start_with_hangup(&shutdown)?;
-    allow_many_connections();
     let board = Arc::new(Board::default());
     let server = Server::start(address, &board, config.server_options()?, &shutdown)?;
     tracing::info!("listening on http://{}/", server.address());
@@ -107,12 +106,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     served.and(server.stop())
 }
 
-/// Raises the limit on open files, of which every client is one, from the shell's limit to the highest one
-/// allowed.
-fn allow_many_connections() {
-    let limit = getrlimit(Resource::Nofile);
-    if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }) {
-        tracing::warn!("the limit of open files stays at {:?}: {error}", limit.current);
+/// Allows as many open files as the machine does: every client is one, and files of frames come and go.
+pub(super) fn allow_many_files() {
+    if let Err(error) = raise_handle_limit() {
+        tracing::warn!("the limit of open files stays at {:?}: {error}", handle_limit());
     }
 }
 

@@ -1,4 +1,5 @@
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
+use crate::rt::is_out_of_handles;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -7,11 +8,15 @@ use std::path::Path;
 /// partial file and a failed write leaves the old one.
 ///
 /// # Errors
-/// Those of `write`, and `Failed` when the file cannot be written; both name it.
+/// Those of `write`, `NotNow` where no file handle is left, and `Failed` when the file cannot be written; all
+/// name it.
 pub fn replace_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let failed = |error: std::io::Error| Error::failed("cannot be written").because(error);
+    let failed = |error: std::io::Error| {
+        let kind = if is_out_of_handles(&error) { Kind::NotNow } else { Kind::Failed };
+        Error::failed("cannot be written").because(error).with_kind(kind)
+    };
     let run = || -> Result<()> {
         let mut writer = BufWriter::new(File::create(&part).map_err(failed)?);
         write(&mut writer)?;

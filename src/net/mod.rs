@@ -13,6 +13,7 @@ mod options;
 mod page;
 mod posting;
 mod requests;
+mod room;
 mod server;
 mod session;
 mod shared;

@@ -1,8 +1,9 @@
 use super::access::Names;
+use super::room::Room;
 use super::shared::{Peer, Phase, Shared};
 use super::{Board, ServerOptions, requests};
 use crate::error::{Error, Result};
-use crate::rt::{Metrics, Shutdown, Threads};
+use crate::rt::{Metrics, Shutdown, Threads, handle_limit};
 use axum::Router;
 use hyper::Request;
 use hyper::body::Incoming;
@@ -22,8 +23,6 @@ use tokio::time::{sleep, timeout};
 /// Size of the kernel's send buffer for a client. More would only hold older lists for the client to read
 /// before it gets to the newest: this holds some 15 lists of 300 lights as bytes.
 const SEND_BUFFER_BYTES: usize = 1 << 16;
-/// Connections for requests, in addition to those for streams of lists.
-const REQUESTS_MAX: usize = 64;
 /// Longest time for the head of a request.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 /// Longest life of a connection for requests: a client that reads an answer byte by byte does not hold it for
@@ -60,7 +59,9 @@ impl Server {
             );
         }
         let names = Names::new(&asked, address.ip().is_loopback());
-        let shared = Arc::new(Shared::new(board, names, options));
+        let room = Room::within(handle_limit())?;
+        warn_of_too_little(room, &options);
+        let shared = Arc::new(Shared::new(board, names, room, options));
         let runtime = runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
@@ -91,6 +92,7 @@ impl Server {
 
     /// Serves by these rules from now on. If they changed, connected clients have to reconnect.
     pub fn set_options(&self, options: ServerOptions) {
+        warn_of_too_little(self.shared.room, &options);
         self.shared.set_options(options);
     }
 
@@ -111,6 +113,17 @@ impl Drop for Server {
     }
 }
 
+fn warn_of_too_little(room: Room, options: &ServerOptions) {
+    let (asked, have) = (options.clients_max, room.streams);
+    if asked > have {
+        tracing::warn!(
+            "[server] clients_max = {asked}, but the limit of open files leaves room for {have}: the clients \
+             beyond them are sent away; raise the limit (ulimit -n, LimitNOFILE= of a unit) to {}",
+            Room::limit_for(asked)
+        );
+    }
+}
+
 fn listen(address: &str) -> Result<TcpListener> {
     let wrong = "is no HOST:PORT to listen on, such as 127.0.0.1:7300";
     let addresses: Vec<SocketAddr> =
@@ -128,7 +141,7 @@ fn listen(address: &str) -> Result<TcpListener> {
 async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Result<()> {
     let listener = tokio::net::TcpListener::from_std(listener)
         .map_err(|error| Error::failed("the server cannot listen").because(error))?;
-    let connections = Arc::new(Semaphore::new(REQUESTS_MAX));
+    let connections = Arc::new(Semaphore::new(shared.room.requests));
     let mut phase = shared.phase();
     loop {
         // With all connection slots taken, the others wait in the kernel until a connection ends or its time

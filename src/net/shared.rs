@@ -1,6 +1,7 @@
 //! State that the connections of a server share.
 
 use super::access::Names;
+use super::room::Room;
 use super::{Board, ServerOptions};
 use crate::rt::{Counter, Metrics};
 use axum::body::Bytes;
@@ -9,10 +10,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use tokio::sync::watch;
 
-/// State that all connections share.
+/// State that all connections share, and how many of them there may be.
 pub(super) struct Shared {
     pub board: Arc<Board>,
     pub names: Names,
+    pub room: Room,
     pub metrics: Arc<Metrics>,
     pub counters: Counters,
     /// The newest map as PNG and as OpenEXR.
@@ -62,11 +64,12 @@ pub(super) struct EncodedMap {
 impl Shared {
     /// The shared state of a new server, with the data for clients on `board` and the rules for access in
     /// `options`.
-    pub fn new(board: &Arc<Board>, names: Names, options: ServerOptions) -> Self {
+    pub fn new(board: &Arc<Board>, names: Names, room: Room, options: ServerOptions) -> Self {
         let metrics = Metrics::new("serve");
         Self {
             board: board.clone(),
             names,
+            room,
             counters: Counters::new(&metrics),
             metrics,
             maps: Default::default(),
@@ -106,8 +109,9 @@ impl Shared {
         self.clients.load(Ordering::Acquire) as u64
     }
 
-    /// A connection slot for a client, if fewer than `most` are taken.
-    pub fn admit(self: &Arc<Self>, most: usize) -> Option<ConnectionSlot> {
+    /// A connection slot for a client, if fewer than `clients_max` are taken, and there is room for it.
+    pub fn admit(self: &Arc<Self>, clients_max: usize) -> Option<ConnectionSlot> {
+        let most = clients_max.min(self.room.streams);
         self.clients
             .fetch_update(Ordering::AcqRel, Ordering::Acquire, |count| (count < most).then_some(count + 1))
             .ok()

@@ -14,7 +14,7 @@
 mod tests;
 
 use super::{FrameSource, Next, pattern};
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
 use crate::files::{Attributes, read};
 use lightcast_core::image::{Bayer, Frame, LatLongCentres, Pixels};
 use std::path::{Path, PathBuf};
@@ -217,6 +217,7 @@ fn first_readable<'a>(
     for (_, file) in files {
         match read_as(options.bayer, file, frame) {
             Ok(attributes) => return Ok((file, attributes)),
+            Err(error) if error.kind() == Kind::NotNow => return Err(error),
             Err(error) => first_error = first_error.or(Some(error)),
         }
     }
@@ -244,9 +245,14 @@ impl FrameSource for Sequence {
             )));
         }
         let (number, path) = &self.files[self.index];
+        let filled = match self.fill(path, frame) {
+            // The next call reads the same file.
+            Err(error) if error.kind() == Kind::NotNow => return Err(error),
+            filled => filled,
+        };
         self.index += 1;
         self.bad_in_a_row += 1;
-        let capture_time_ns = self.fill(path, frame)?.capture_time_ns;
+        let capture_time_ns = filled?.capture_time_ns;
         self.bad_in_a_row = 0;
 
         // Overflow would require a sequence of 2^64 frames.

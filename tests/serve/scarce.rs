@@ -1,0 +1,105 @@
+//! A service for which something runs out: file handles, the disk, its folder.
+
+use crate::connection::{connect, get, next_json, wait_until};
+use crate::program::Running;
+use crate::recording::{Recording, names};
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
+use std::net::TcpStream;
+use std::process::{Command, Stdio};
+use tokio_tungstenite::tungstenite::WebSocket;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+
+/// A replay of `count` frames without an end.
+fn endless(count: u64) -> Recording {
+    let recording = Recording::new(count);
+    recording.configure("pace = \"real-time\"\nrepeat = true");
+    recording
+}
+
+/// The same command under a limit of the shell's.
+fn limited(limit: &str, command: &Command) -> Command {
+    let mut limited = Command::new("sh");
+    limited.args(["-c", &format!("ulimit {limit} && exec \"$@\""), "sh"]).arg(command.get_program());
+    limited.args(command.get_args()).env_remove("RUST_LOG").stderr(Stdio::piped());
+    limited
+}
+
+fn client(running: &Running) -> WebSocket<TcpStream> {
+    let mut request = format!("ws://{}/ws", running.address).into_client_request().unwrap();
+    request.headers_mut().insert("sec-websocket-protocol", "lightcast.v1.json".parse().unwrap());
+    connect(request, running.address).unwrap()
+}
+
+/// A value of `/metrics` by its name and labels, 0 where it is not there.
+fn metric(running: &Running, name: &str) -> f64 {
+    let text = get(running.address, "/metrics", &[]).1;
+    let line = text.lines().find(|line| line.starts_with(name));
+    line.map_or(0.0, |line| line.rsplit(' ').next().unwrap().parse().unwrap())
+}
+
+fn bad_frames(running: &Running, stage: &str) -> f64 {
+    metric(running, &format!("lightcast_stage_bad_frames_total{{stage=\"{stage}\"}}"))
+}
+
+#[test]
+fn connections_never_take_the_handles_of_files() {
+    let recording = endless(20);
+    let mut command = recording.command();
+    let folder = recording.path().join("frames");
+    command.args(["--listen", "127.0.0.1:0", "--record"]).arg(&folder);
+    let mut running = Running::start(&mut limited("-n 64", &command));
+    assert!(running.said().contains("clients_max = 256, but the limit of open files leaves room for 24"));
+    let mut listens = client(&running);
+    let idle: Vec<_> = (0..60).map(|_| TcpStream::connect(running.address).unwrap()).collect();
+    let lists: Vec<_> = (0..50).map(|_| next_json(&mut listens)).collect();
+    assert!(lists.iter().all(|list| list["stream"]["lost"] == 0), "{lists:?}");
+    drop(idle);
+    wait_until(|| get(running.address, "/readyz", &[]).0 == 200);
+    assert_eq!((bad_frames(&running, "source"), bad_frames(&running, "record")), (0.0, 0.0));
+    // More streams than there is room for are told so.
+    let streams: Vec<_> = (0..24).map(|_| client_or_refusal(&running)).collect();
+    assert_eq!(streams.iter().filter(|stream| stream.is_ok()).count(), 23);
+    assert!(streams[23].as_ref().unwrap_err().contains("503"), "{streams:?}");
+    assert!(next_json(&mut listens)["stream"]["lost"] == 0);
+    running.signal("TERM");
+    assert_eq!(running.child.wait().unwrap().code(), Some(0), "{}", running.said());
+    assert!(names(&folder).len() > 50);
+}
+
+fn client_or_refusal(running: &Running) -> Result<WebSocket<TcpStream>, String> {
+    let mut request = format!("ws://{}/ws", running.address).into_client_request().unwrap();
+    request.headers_mut().insert("sec-websocket-protocol", "lightcast.v1.bin".parse().unwrap());
+    connect(request, running.address).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_lack_of_handles_is_waited_out_and_loses_no_frame() {
+    let recording = endless(20);
+    let folder = recording.path().join("frames");
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--record"]).arg(&folder);
+    let mut running = Running::start(&mut command);
+    let mut listens = client(&running);
+    next_json(&mut listens);
+    let pid = Pid::from_child(&running.child);
+    // The program has raised its limit to the highest, which this process was started with too.
+    let maximum = rustix::process::getrlimit(Resource::Nofile).maximum;
+    let most = prlimit(Some(pid), Resource::Nofile, Rlimit { current: Some(3), maximum });
+    running.wait_for("Too many open files");
+    running.wait_for("trying again");
+    prlimit(Some(pid), Resource::Nofile, most.unwrap()).unwrap();
+    running.wait_for("source: goes on");
+    let sequence = |list: &serde_json::Value| list["sequence"].as_u64().unwrap();
+    let mut last = sequence(&next_json(&mut listens));
+    for _ in 0..30 {
+        let next = sequence(&next_json(&mut listens));
+        assert_eq!(next, last + 1);
+        last = next;
+    }
+    assert_eq!((bad_frames(&running, "source"), bad_frames(&running, "record")), (0.0, 0.0));
+    assert!(metric(&running, "lightcast_stage_events_total{stage=\"source\",event=\"waits for what") > 0.0);
+    running.signal("TERM");
+    assert_eq!(running.child.wait().unwrap().code(), Some(0), "{}", running.said());
+    let sidecar = std::fs::read_to_string(folder.join("recording.json")).unwrap();
+    assert!(sidecar.contains("\"is_complete\": true"), "{sidecar}");
+}
