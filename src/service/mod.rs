@@ -109,7 +109,7 @@ impl Service {
         let frame_count = source.frame_count();
         let metrics = Metrics::new("record");
         let record = recorder::recorder(config, options, &source, &metrics)?;
-        let link = recorder::recorder_link(options, source.waits(), &metrics, shutdown);
+        let link = recorder::recorder_link(options.queue, source.waits(), &metrics, shutdown);
         let mut graph = Graph::new(source.clock(config.pace == Pace::Fast), shutdown);
         let frames = source.add_to(&mut graph).copies(link, 1);
         graph.end(metrics, record, frames, Departure::EndsAll);
@@ -280,7 +280,7 @@ impl Opened {
                 let record = recorder::recorder(config, options, source, &metrics)?;
                 // Clients wait for no disk.
                 let waits = source.waits() && ends.board.is_none();
-                let link = recorder::recorder_link(options, waits, &metrics, shutdown);
+                let link = recorder::recorder_link(options.queue, waits, &metrics, shutdown);
                 Some((metrics, record, link))
             }
         };

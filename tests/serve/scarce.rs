@@ -2,7 +2,7 @@
 
 use crate::connection::{connect, get, next_json, wait_until};
 use crate::program::Running;
-use crate::recording::{Recording, names};
+use crate::recording::{Recording, lists, names};
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use std::net::TcpStream;
 use std::process::{Command, Stdio};
@@ -102,4 +102,71 @@ fn a_lack_of_handles_is_waited_out_and_loses_no_frame() {
     assert_eq!(running.child.wait().unwrap().code(), Some(0), "{}", running.said());
     let sidecar = std::fs::read_to_string(folder.join("recording.json")).unwrap();
     assert!(sidecar.contains("\"is_complete\": true"), "{sidecar}");
+}
+
+/// Waits for the reload to be over.
+fn reload(running: &mut Running) {
+    running.signal("HUP");
+    running.wait_for("taken anew");
+}
+
+fn lines(path: &std::path::Path) -> Vec<serde_json::Value> {
+    lists(&std::fs::read(path).unwrap())
+}
+
+#[test]
+fn an_output_is_gone_on_with_rotated_and_kept_from_a_second_writer() {
+    let recording = endless(10);
+    let (path, old) = (recording.path().join("lists"), recording.path().join("lists.1"));
+    std::fs::write(&path, "{\"of\":\"yesterday\"}\n{\"cut\":").unwrap();
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&path);
+    let mut running = Running::start(&mut command);
+    let mut listens = client(&running);
+    (0..5).for_each(|_| drop(next_json(&mut listens)));
+    let second = command.output().unwrap();
+    let told = String::from_utf8_lossy(&second.stderr).into_owned();
+    assert!(second.status.code() == Some(1) && told.contains("another program writes to it"), "{told}");
+    std::fs::rename(&path, &old).unwrap();
+    // Also where the configuration is not taken.
+    let good = std::fs::read(recording.configuration()).unwrap();
+    std::fs::write(recording.configuration(), "nonsense").unwrap();
+    running.signal("HUP");
+    running.wait_for("the configuration is not taken, the old one stays");
+    wait_until(|| path.exists() && lines(&path).len() > 2);
+    std::fs::write(recording.configuration(), good).unwrap();
+    let before = lines(&path).len();
+    reload(&mut running);
+    wait_until(|| lines(&path).len() > before + 2);
+    running.end();
+    let text = std::fs::read_to_string(&old).unwrap();
+    assert!(text.starts_with("{\"of\":\"yesterday\"}\n{\"cut\":\n{\"version\":1,"), "{text}");
+    assert!(text.ends_with("}\n"), "the file that was rotated ends with a whole line");
+    let sequences =
+        |path| lines(path).iter().map(|list| list["sequence"].as_u64().unwrap()).collect::<Vec<_>>();
+    let (first, last) = (text.lines().last().unwrap().to_owned(), sequences(&path));
+    let first: serde_json::Value = serde_json::from_str(&first).unwrap();
+    assert_eq!(first["sequence"].as_u64().unwrap() + 1, last[0], "no list is lost between the two files");
+}
+
+#[test]
+fn a_full_disk_ends_one_output_and_says_so() {
+    let recording = endless(10);
+    let pictures = recording.path().join("pictures");
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--output", "/dev/full", "--picture-every", "2", "--pictures"]);
+    let mut running = Running::start(command.arg(&pictures));
+    running.wait_for("publish has ended, all else goes on");
+    let mut listens = client(&running);
+    wait_until(|| !names(&pictures).is_empty());
+    std::fs::remove_dir_all(&pictures).unwrap();
+    std::fs::write(&pictures, "a file in place of the folder").unwrap();
+    running.wait_for("picture has ended, all else goes on");
+    assert!((0..20).all(|_| next_json(&mut listens)["stream"]["lost"] == 0));
+    for stage in ["publish", "picture"] {
+        let name = format!("lightcast_stage_events_total{{stage=\"{stage}\",event=\"ended alone\"}}");
+        assert_eq!(metric(&running, &name), 1.0, "{stage}");
+    }
+    running.signal("TERM");
+    assert_eq!(running.child.wait().unwrap().code(), Some(1), "what was not written is told in the end");
 }

@@ -151,29 +151,6 @@ fn drops(running: &Running, stage: &str) -> u64 {
 }
 
 #[test]
-fn a_recording_whose_disk_hangs_holds_up_no_client() {
-    let recording = endless();
-    let folder = recording.path().join("frames");
-    let mut command = recording.command();
-    command.args(["--listen", "127.0.0.1:0", "--record"]).arg(&folder);
-    let mut running = Running::start(&mut command);
-    // The recorder waits for somebody who reads what it writes.
-    let name = |number: usize| folder.join(format!(".frame.{number:06}.exr.{}.part", running.child.id()));
-    let pipe = name(60);
-    make_pipe(&pipe);
-    let mut socket = client(&running);
-    // More than until that frame and its queue (30 frames) hold.
-    let lists: Vec<_> = (0..200).map(|_| next_json(&mut socket)).collect();
-    assert!(lists.iter().all(|list| list["stream"]["lost"] == 0), "{lists:?}");
-    assert!(!folder.join("frame.000060.exr").exists());
-    assert!(drops(&running, "record") > 0, "what the disk misses is counted");
-    let reader = fs::File::open(&pipe).unwrap();
-    running.signal("TERM");
-    drop(reader);
-    running.child.wait().unwrap();
-}
-
-#[test]
 fn an_output_whose_reader_has_gone_ends_alone_and_says_so() {
     let recording = endless();
     let pipe = recording.path().join("lists");

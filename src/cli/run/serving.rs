@@ -1,7 +1,8 @@
 //! `run --listen`: a service whose configuration can be reloaded (SIGHUP) while its clients stay connected.
 
+use super::output_file::OutputFile;
 use super::systemd::Watchdog;
-use super::{Arguments, OutputFile, ends, watch};
+use super::{Arguments, ends, watch};
 use crate::cli::signals::SignalWatch;
 use crate::config::Config;
 use crate::error::Result;
@@ -19,7 +20,7 @@ pub(super) struct Serving<'a> {
     pub shutdown: &'a Shutdown,
     pub board: &'a Arc<Board>,
     pub server: &'a Server,
-    pub output: OutputFile<'a>,
+    pub output: OutputFile,
     pub watchdog: Watchdog,
 }
 
@@ -94,6 +95,7 @@ impl Serving<'_> {
             } else if self.shutdown.is_requested() {
                 ending.request();
             } else if next.is_none() && self.signals.take_hangup() {
+                self.output.rotate();
                 self.watchdog.reloading();
                 match self.reload() {
                     Ok(reloaded) => {
