@@ -3,6 +3,7 @@ mod serving;
 mod systemd;
 
 use super::input::ConfigurationArguments;
+use super::messages::{METRICS, print};
 use super::progress::Progress;
 use super::signals::SignalWatch;
 use crate::config::Config;
@@ -12,7 +13,6 @@ use crate::rt::{Shutdown, handle_limit, raise_handle_limit};
 use crate::service::{Ends, Output, Pictures, RecordOptions, Service, Summary};
 use output_file::OutputFile;
 use serving::Serving;
-use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -91,6 +91,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     };
     let signals = SignalWatch::start_with_hangup(&shutdown)?;
     let board = Arc::new(Board::default());
+    board.show_always(METRICS.clone());
     let server = Server::start(address, &board, config.server_options()?, &shutdown)?;
     tracing::info!("listening on http://{}/", server.address());
     let served = Serving {
@@ -144,6 +145,6 @@ pub(super) fn watch(
     });
     progress.finish();
     // The summary also tells how far a failed run came.
-    let _ = write!(io::stderr(), "{summary}");
+    print(&summary.to_string());
     outcome
 }

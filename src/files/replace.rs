@@ -16,7 +16,7 @@ const NAMES_MAX: u32 = 100;
 /// Those of `write`, `NotNow` where no file handle is left, and `Failed` when the file cannot be written; all
 /// name it.
 pub fn replace_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
-    let failed = |error: std::io::Error| {
+    let failed = |error: io::Error| {
         let kind = if is_out_of_handles(&error) { Kind::NotNow } else { Kind::Failed };
         Error::failed("cannot be written").because(error).with_kind(kind)
     };

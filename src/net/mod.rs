@@ -11,6 +11,7 @@ mod client;
 mod metrics;
 mod options;
 mod page;
+mod places;
 mod posting;
 mod requests;
 mod room;
@@ -19,6 +20,7 @@ mod session;
 mod shared;
 mod stages;
 mod turn;
+mod watched;
 
 pub use board::Board;
 pub use client::{Client, ClientOptions};

@@ -4,7 +4,7 @@ use super::access::{self, Refusal};
 use super::metrics;
 use super::page;
 use super::session::Session;
-use super::shared::{EncodedMap, Peer, Shared};
+use super::shared::{EncodedMap, ForHealth, Peer, Shared};
 use crate::error::{Error, Result};
 use crate::files::encode_map_exr;
 use crate::picture::encode_map_png;
@@ -26,6 +26,9 @@ use std::time::Duration;
 /// A server whose newest list is older than this, and than five frames, is not ready.
 const READY_WITHIN: Duration = Duration::from_secs(5);
 
+/// Where the program says how it is.
+const HEALTH: [&str; 2] = ["/healthz", "/readyz"];
+
 /// Number of the newest item in its sequence.
 const SEQUENCE: HeaderName = HeaderName::from_static("lightcast-sequence");
 /// Not among the names that the library has.
@@ -42,8 +45,8 @@ pub(super) fn router(shared: &Arc<Shared>) -> Router {
         .route("/metrics", get(metrics))
         .route_layer(middleware::from_fn_with_state(shared.clone(), needs_token));
     Router::new()
-        .route("/healthz", get(|| async { "ok\n" }))
-        .route("/readyz", get(ready))
+        .route(HEALTH[0], get(|| async { "ok\n" }))
+        .route(HEALTH[1], get(ready))
         .merge(page::router())
         .merge(protected)
         .fallback(|| async { refused(StatusCode::NOT_FOUND, "there is nothing of this name here") })
@@ -56,7 +59,14 @@ async fn needs_token(State(shared): State<Arc<Shared>>, request: Request, next: 
 }
 
 async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    let mut response = check(&shared, false, request, next).await;
+    let is_busy =
+        request.extensions().get::<ForHealth>().is_some() && !HEALTH.contains(&request.uri().path());
+    let mut response = if is_busy {
+        shared.counters.refused.add(1);
+        refused(StatusCode::SERVICE_UNAVAILABLE, "all connections are busy; try again later")
+    } else {
+        check(&shared, false, request, next).await
+    };
     let is_upgrade = response.status() == StatusCode::SWITCHING_PROTOCOLS;
     let headers = response.headers_mut();
     if !is_upgrade {

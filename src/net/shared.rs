@@ -42,11 +42,17 @@ pub(super) struct Counters {
     pub bad_messages: Counter,
     pub floods: Counter,
     pub silent: Counter,
+    pub left_for_others: Counter,
+    pub too_slow: Counter,
 }
 
 /// The peer of the connection over which a request came.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peer(pub SocketAddr);
+
+/// A request came over a connection on which only those about the program's health are answered.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ForHealth;
 
 /// The connection slot of a client; free again when dropped.
 pub(super) struct ConnectionSlot(Arc<Shared>);
@@ -141,6 +147,8 @@ impl Counters {
             bad_messages: metrics.counter("bad messages"),
             floods: metrics.counter("clients that sent too many messages"),
             silent: metrics.counter("clients that went silent"),
+            left_for_others: metrics.counter("connections that gave their place to others"),
+            too_slow: metrics.counter("answers that were taken too slowly"),
         }
     }
 }

@@ -11,4 +11,5 @@ mod recording;
 mod scarce;
 mod service;
 mod soak;
+mod stopped;
 mod streams;
