@@ -237,12 +237,10 @@ impl FrameSource for Sequence {
             (self.index, self.pass) = (0, self.pass + 1);
         }
         if self.repeat && self.bad_in_a_row >= self.files.len() {
-            // Without this error, a loop over files that are gone would spin at full speed.
-            return Err(Error::failed(format!(
-                "{}: none of its {} files can be used any more",
-                self.path.display(),
-                self.files.len()
-            )));
+            // The folder may be away for a while. Every pass is waited for once.
+            self.bad_in_a_row = 0;
+            let message = format!("none of its {} files can be used for now", self.files.len());
+            return Err(Error::not_now(message).at(&self.path));
         }
         let (number, path) = &self.files[self.index];
         let filled = match self.fill(path, frame) {

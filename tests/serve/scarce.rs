@@ -104,6 +104,43 @@ fn a_lack_of_handles_is_waited_out_and_loses_no_frame() {
     assert!(sidecar.contains("\"is_complete\": true"), "{sidecar}");
 }
 
+#[test]
+fn a_folder_that_is_away_for_a_while_is_waited_for() {
+    let recording = endless(10);
+    let [folder, away] = ["frames", "away"].map(|name| recording.path().join(name));
+    std::fs::create_dir(&folder).unwrap();
+    for number in 0..10 {
+        let file = recording.file(number);
+        std::fs::rename(&file, folder.join(file.file_name().unwrap())).unwrap();
+    }
+    let text = std::fs::read_to_string(recording.configuration()).unwrap();
+    std::fs::write(recording.configuration(), text.replace("sky.####", "frames/sky.####")).unwrap();
+    let mut running = Running::start(recording.command().args(["--listen", "127.0.0.1:0"]));
+    let mut listens = client(&running);
+    let sequence = |list: &serde_json::Value| list["sequence"].as_u64().unwrap();
+    // The filter's delay of 4 frames lies between a frame and its list.
+    let before = (0..10).map(|_| sequence(&next_json(&mut listens))).last().unwrap();
+    let started = std::time::Instant::now();
+    std::fs::rename(&folder, &away).unwrap();
+    running.wait_for("none of its 10 files can be used for now; trying again");
+    running.wait_for("none of its 10 files can be used for now; trying again");
+    std::fs::rename(&away, &folder).unwrap();
+    let frames = (started.elapsed().as_secs_f64() * 25.0) as u64;
+    running.wait_for("source: goes on");
+    let mut after = before;
+    // The filter still had some lists.
+    while after < before + 15 {
+        after = sequence(&next_json(&mut listens));
+    }
+    assert!(after <= before + frames + 8, "{before} {after}: bad frames take their time");
+    let received = std::time::Instant::now();
+    assert_eq!((0..26).map(|_| sequence(&next_json(&mut listens))).last().unwrap(), after + 26);
+    assert!(received.elapsed().as_secs_f64() > 0.8, "nothing is made up for: {:?}", received.elapsed());
+    let bad = bad_frames(&running, "source");
+    assert!(bad >= 20.0 && bad <= frames as f64 + 5.0, "{bad} in the time of {frames}");
+    running.end();
+}
+
 /// Waits for the reload to be over.
 fn reload(running: &mut Running) {
     running.signal("HUP");
