@@ -7,7 +7,9 @@
 
 mod access;
 mod board;
+mod burst;
 mod client;
+mod frames;
 mod metrics;
 mod options;
 mod page;

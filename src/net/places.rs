@@ -1,6 +1,6 @@
 //! The places of connections that ask for something: who gets one, and who has to leave when all are taken.
 
-use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
@@ -31,6 +31,7 @@ pub(super) struct Visit {
     /// When it last took bytes of its answer, and how many so far.
     took_ns: AtomicI64,
     bytes: AtomicU64,
+    is_stream: AtomicBool,
     /// Tells its task to end.
     pub leave: Notify,
 }
@@ -73,6 +74,7 @@ impl Places {
             asked_ns: AtomicI64::new(0),
             took_ns: AtomicI64::new(0),
             bytes: AtomicU64::new(0),
+            is_stream: AtomicBool::new(false),
             leave: Notify::new(),
         });
         taken.push(visit.clone());
@@ -110,6 +112,15 @@ impl Visit {
         let more_ns =
             i64::try_from(bytes.saturating_mul(1_000_000_000) / BYTES_PER_SECOND).unwrap_or(i64::MAX);
         self.asked_ns() != 0 && now_ns - self.asked_ns() > ANSWER_WITHIN_NS.saturating_add(more_ns)
+    }
+
+    /// Notes that what follows is a stream of lists.
+    pub fn becomes_stream(&self) {
+        self.is_stream.store(true, Ordering::Relaxed);
+    }
+
+    pub fn is_stream(&self) -> bool {
+        self.is_stream.load(Ordering::Relaxed)
     }
 
     fn asked_ns(&self) -> i64 {

@@ -3,8 +3,9 @@
 use super::access::{self, Refusal};
 use super::metrics;
 use super::page;
+use super::places::Visit;
 use super::session::Session;
-use super::shared::{EncodedMap, ForHealth, Peer, Shared};
+use super::shared::{EncodedMap, Peer, Shared};
 use crate::error::{Error, Result};
 use crate::files::encode_map_exr;
 use crate::picture::encode_map_png;
@@ -59,8 +60,8 @@ async fn needs_token(State(shared): State<Arc<Shared>>, request: Request, next: 
 }
 
 async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    let is_busy =
-        request.extensions().get::<ForHealth>().is_some() && !HEALTH.contains(&request.uri().path());
+    let is_for_health = request.extensions().get::<Arc<Visit>>().is_some_and(|visit| visit.is_for_health);
+    let is_busy = is_for_health && !HEALTH.contains(&request.uri().path());
     let mut response = if is_busy {
         shared.counters.refused.add(1);
         refused(StatusCode::SERVICE_UNAVAILABLE, "all connections are busy; try again later")
@@ -85,12 +86,14 @@ async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, nex
 
 async fn check(shared: &Shared, needs_token: bool, request: Request, next: Next) -> Response {
     let options = shared.options();
+    let peer = request.extensions().get::<Peer>().copied();
     match access::check(request.headers(), &options, &shared.names, needs_token) {
         Ok(()) => next.run(request).await,
         Err(refusal) => {
             shared.counters.refused.add(1);
             let mut response = refused(refusal.status(), refusal.reason());
             if refusal == Refusal::Token {
+                shared.tell_of_stranger(peer);
                 response.headers_mut().insert(WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
             }
             response
@@ -112,6 +115,7 @@ fn not_yet(what: &str) -> Response {
 async fn stream(
     State(shared): State<Arc<Shared>>,
     Extension(Peer(peer)): Extension<Peer>,
+    Extension(visit): Extension<Arc<Visit>>,
     RawQuery(query): RawQuery,
     upgrade: WebSocketUpgrade,
 ) -> Response {
@@ -134,6 +138,7 @@ async fn stream(
         shared.counters.refused.add(1);
         return refused(StatusCode::SERVICE_UNAVAILABLE, "all connection slots are taken; try again later");
     };
+    visit.becomes_stream();
     upgrade
         .max_message_size(wire::DEMAND_MAX_BYTES)
         .max_frame_size(wire::DEMAND_MAX_BYTES)

@@ -1,7 +1,7 @@
 use super::access::Names;
 use super::places::{Place, Places};
 use super::room::Room;
-use super::shared::{ForHealth, Peer, Phase, Shared};
+use super::shared::{Peer, Phase, Shared};
 use super::watched::Watched;
 use super::{Board, ServerOptions, requests};
 use crate::error::{Error, Result};
@@ -20,7 +20,7 @@ use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::runtime;
 use tokio::task::yield_now;
-use tokio::time::{sleep, timeout};
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 /// Size of the kernel's send buffer for a client. More would only hold older lists for the client to read
 /// before it gets to the newest: this holds some 15 lists of 300 lights as bytes.
@@ -57,14 +57,9 @@ impl Server {
         let (listener, asked) = (listen(address)?, address.to_owned());
         let failed = |error: std::io::Error| Error::failed("cannot listen").because(error).at(address);
         let address = listener.local_addr().map_err(failed)?;
-        if options.token.is_none() && !address.ip().is_loopback() {
-            tracing::warn!(
-                "{address} can be reached by other machines, and whoever reaches it gets in: see [server] token_file"
-            );
-        }
         let names = Names::new(&asked, address.ip().is_loopback());
         let room = Room::within(handle_limit())?;
-        warn_of_too_little(room, &options);
+        warn(address, room, &options);
         let shared = Arc::new(Shared::new(board, names, room, options));
         let runtime = runtime::Builder::new_current_thread()
             .enable_io()
@@ -96,7 +91,9 @@ impl Server {
 
     /// Serves by these rules from now on. If they changed, connected clients have to reconnect.
     pub fn set_options(&self, options: ServerOptions) {
-        warn_of_too_little(self.shared.room, &options);
+        if *self.shared.options() != options {
+            warn(self.address, self.shared.room, &options);
+        }
         self.shared.set_options(options);
     }
 
@@ -117,7 +114,13 @@ impl Drop for Server {
     }
 }
 
-fn warn_of_too_little(room: Room, options: &ServerOptions) {
+/// Says what these options let happen.
+fn warn(address: SocketAddr, room: Room, options: &ServerOptions) {
+    if options.token.is_none() && !address.ip().is_loopback() {
+        tracing::warn!(
+            "{address} can be reached by other machines, and whoever reaches it gets in: see [server] token_file"
+        );
+    }
     let (asked, have) = (options.clients_max, room.streams);
     if asked > have {
         tracing::warn!(
@@ -147,10 +150,16 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
         .map_err(|error| Error::failed("the server cannot listen").because(error))?;
     let places = Places::new(shared.room.requests);
     let mut phase = shared.phase();
+    let mut sums = interval(GLANCE);
+    sums.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
             _ = phase.wait_for(|phase| *phase == Phase::Ending) => break,
+            _ = sums.tick() => {
+                shared.tell_rest();
+                continue;
+            }
         };
         match accepted {
             Ok((stream, address)) => match places.take(monotonic_ns()) {
@@ -194,14 +203,12 @@ async fn connection(
     // A list is one write, which need not be combined with others.
     let _ = stream.set_nodelay(true);
     let visit = &place.visit;
-    let watched = Watched { stream, visit: visit.clone() };
+    let watched = Watched::new(stream, visit);
     let asking = visit.clone();
     let service = service_fn(move |mut request: Request<Incoming>| {
         asking.asks(monotonic_ns());
         request.extensions_mut().insert(peer);
-        if asking.is_for_health {
-            request.extensions_mut().insert(ForHealth);
-        }
+        request.extensions_mut().insert(asking.clone());
         service.call(request)
     });
     let connection = http1::Builder::new()

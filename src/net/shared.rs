@@ -1,13 +1,14 @@
 //! State that the connections of a server share.
 
 use super::access::Names;
+use super::burst::Burst;
 use super::room::Room;
 use super::{Board, ServerOptions};
-use crate::rt::{Counter, Metrics};
+use crate::rt::{Counter, Metrics, monotonic_ns};
 use axum::body::Bytes;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use tokio::sync::watch;
 
 /// State that all connections share, and how many of them there may be.
@@ -21,6 +22,8 @@ pub(super) struct Shared {
     pub maps: [Arc<tokio::sync::Mutex<Option<EncodedMap>>>; 2],
     options: RwLock<Arc<ServerOptions>>,
     clients: AtomicUsize,
+    /// Requests without the token.
+    strangers: Mutex<Burst>,
     phase: watch::Sender<Phase>,
 }
 
@@ -50,10 +53,6 @@ pub(super) struct Counters {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peer(pub SocketAddr);
 
-/// A request came over a connection on which only those about the program's health are answered.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ForHealth;
-
 /// The connection slot of a client; free again when dropped.
 pub(super) struct ConnectionSlot(Arc<Shared>);
 
@@ -81,6 +80,7 @@ impl Shared {
             maps: Default::default(),
             options: RwLock::new(Arc::new(options)),
             clients: AtomicUsize::new(0),
+            strangers: Mutex::default(),
             phase: watch::Sender::new(Phase::Serving(0)),
         }
     }
@@ -100,6 +100,25 @@ impl Shared {
                 }
             });
         }
+    }
+
+    /// Logs that a request had no token, or a wrong one; many of them in sum.
+    pub fn tell_of_stranger(&self, peer: Option<Peer>) {
+        if let Some(count) = self.strangers().note(monotonic_ns()) {
+            let from = peer.map_or("?".to_owned(), |Peer(peer)| peer.ip().to_string());
+            tracing::warn!("{count} requests without the token, the last of them from {from}");
+        }
+    }
+
+    /// Logs what has not been told yet; called now and then.
+    pub fn tell_rest(&self) {
+        if let Some(count) = self.strangers().rest(monotonic_ns()) {
+            tracing::warn!("{count} more requests without the token");
+        }
+    }
+
+    fn strangers(&self) -> MutexGuard<'_, Burst> {
+        self.strangers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Accepts no more clients; sessions are notified.

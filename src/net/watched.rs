@@ -1,3 +1,4 @@
+use super::frames::Frames;
 use super::places::Visit;
 use crate::rt::monotonic_ns;
 use std::io::{self, IoSlice};
@@ -7,13 +8,19 @@ use std::task::{Context, Poll};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 
-/// A connection that notes in its visit what the client takes.
+/// A connection that notes in its visit what the client takes. Once it is a stream of lists, the frames that
+/// the client sends are counted, and a flood of them is an error.
 pub(super) struct Watched {
-    pub stream: TcpStream,
-    pub visit: Arc<Visit>,
+    stream: TcpStream,
+    visit: Arc<Visit>,
+    frames: Frames,
 }
 
 impl Watched {
+    pub fn new(stream: TcpStream, visit: &Arc<Visit>) -> Self {
+        Self { stream, visit: visit.clone(), frames: Frames::new(monotonic_ns()) }
+    }
+
     fn note(&self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
         if let Poll::Ready(Ok(bytes)) = &written {
             self.visit.takes(*bytes, monotonic_ns());
@@ -28,7 +35,14 @@ impl AsyncRead for Watched {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_read(context, buffer)
+        if !self.visit.is_stream() {
+            return Pin::new(&mut self.stream).poll_read(context, buffer);
+        }
+        self.frames.check()?;
+        let before = buffer.filled().len();
+        let read = Pin::new(&mut self.stream).poll_read(context, buffer);
+        self.frames.count(&buffer.filled()[before..], monotonic_ns());
+        read
     }
 }
 

@@ -207,3 +207,23 @@ fn a_full_disk_ends_one_output_and_says_so() {
     running.signal("TERM");
     assert_eq!(running.child.wait().unwrap().code(), Some(1), "what was not written is told in the end");
 }
+
+#[test]
+fn wrong_tokens_are_told_in_sum_and_a_token_that_is_dropped_is_warned_of() {
+    let recording = endless(10);
+    std::fs::write(recording.path().join("token"), "0123456789abcdef").unwrap();
+    let text = std::fs::read_to_string(recording.configuration()).unwrap();
+    std::fs::write(recording.configuration(), text.clone() + "[server]\ntoken_file = \"token\"\n").unwrap();
+    let mut running = Running::start(recording.command().args(["--listen", "0.0.0.0:0"]));
+    running.address.set_ip(std::net::Ipv4Addr::LOCALHOST.into());
+    for _ in 0..200 {
+        assert_eq!(get(running.address, "/lights", &[("Authorization", "Bearer wrong")]).0, 401);
+    }
+    assert!(running.wait_for("without the token").contains("1 requests without the token"));
+    assert!(running.wait_for("without the token").contains("199 more requests without the token"));
+    assert!(!running.said().contains("whoever reaches it gets in"));
+    std::fs::write(recording.configuration(), text).unwrap();
+    reload(&mut running);
+    running.wait_for("whoever reaches it gets in");
+    running.end();
+}
