@@ -5,7 +5,8 @@ use crate::connection::{connect, get, next_json, wait_until};
 use crate::program::Running;
 use crate::recording::Recording;
 use std::fs;
-use std::os::unix::net::UnixDatagram;
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::path::Path;
 use std::time::Duration;
 use tokio_tungstenite::tungstenite::WebSocket;
@@ -183,6 +184,21 @@ fn systemd_is_told_of_a_reload_and_of_the_end() {
     running.signal("HUP");
     let reloading = told(&systemd).unwrap();
     assert!(reloading.contains("RELOADING=1") && reloading.contains("MONOTONIC_USEC="), "{reloading}");
+    assert!(told(&systemd).unwrap().contains("READY=1"));
+    running.end();
+    assert_eq!(told(&systemd).unwrap(), "STOPPING=1");
+}
+
+#[test]
+fn systemd_is_told_by_an_abstract_name_as_well() {
+    let recording = endless();
+    let name = format!("lightcast-test-{}", std::process::id());
+    let address = SocketAddr::from_abstract_name(&name).unwrap();
+    let systemd = UnixDatagram::bind_addr(&address).unwrap();
+    systemd.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0"]).env("NOTIFY_SOCKET", format!("@{name}"));
+    let running = Running::start(&mut command);
     assert!(told(&systemd).unwrap().contains("READY=1"));
     running.end();
     assert_eq!(told(&systemd).unwrap(), "STOPPING=1");
