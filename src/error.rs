@@ -2,9 +2,11 @@
 //! ([`Place`]), and a sentence for the reader.
 
 mod place;
+mod text_file;
 mod toml_text;
 
 pub use place::Place;
+pub use text_file::read_at_most;
 pub use toml_text::TomlText;
 
 use std::fmt;

@@ -3,7 +3,7 @@
 //! The kind is taken from the first bytes, never from the name, so that a PNG called `.exr` is read and a
 //! text file called `.exr` is refused as what it is.
 
-use super::codec::{Attributes, guarded};
+use super::codec::{Attributes, guarded, open_picture};
 use super::{jpeg, open_exr, png, radiance};
 use crate::error::{Error, Kind, Result};
 use crate::rt::is_out_of_handles;
@@ -45,7 +45,7 @@ pub fn decode(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
 
 fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
     let open = || -> std::io::Result<(BufReader<File>, u64)> {
-        let file = File::open(path)?;
+        let file = open_picture(path)?;
         let bytes = file.metadata()?.len();
         Ok((BufReader::with_capacity(1 << 16, file), bytes))
     };

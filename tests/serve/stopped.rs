@@ -1,14 +1,15 @@
 //! Readers that stop reading, and connections that never say what they want.
 
 use crate::connection::{Posting, connect, get, wait_until};
-use crate::recording::Recording;
+use crate::recording::{Recording, lightcast};
 use lightcast::net::ServerOptions;
 use lightcast_core::image::{PolarMap, PolarShape};
 use std::io::{BufRead, BufReader, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::handshake::server::{Request, Response};
 
 /// Time of a request, and its status.
 fn timed(address: SocketAddr, path: &str) -> (Duration, u16) {
@@ -102,4 +103,34 @@ fn answers_that_nobody_takes_keep_nobody_from_others() {
     wait_until(|| get(posting.address(), "/lights", &[]).0 == 200);
     println!("another request is answered after {:?}", started.elapsed());
     drop((first, more));
+}
+
+#[test]
+#[expect(clippy::result_large_err, reason = "what a handshake answers is the library's own type")]
+fn watch_does_not_grow_under_a_server_that_pings_and_reads_nothing() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let mut watch = lightcast().args(["watch", &address]).stderr(Stdio::null()).spawn().unwrap();
+    let answer = |_: &Request, mut response: Response| {
+        response.headers_mut().insert("sec-websocket-protocol", "lightcast.v1.bin".parse().unwrap());
+        Ok(response)
+    };
+    let stream = listener.accept().unwrap().0;
+    let mut socket = tokio_tungstenite::tungstenite::accept_hdr(stream, answer).unwrap();
+    let resident_kb = || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", watch.id())).unwrap();
+        let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap().to_owned();
+        line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap()
+    };
+    // A megabyte of pings.
+    let pings = [&[0x89, 125][..], &[7; 125]].concat().repeat(8_000);
+    let mut told = Vec::new();
+    for _ in 0..48 {
+        socket.get_mut().write_all(&pings).unwrap();
+        told.push(resident_kb());
+    }
+    println!("{} kB after 12 MB of pings, {} kB after 48 MB", told[11], told[47]);
+    assert!(told[47] < told[11] + 8192, "{told:?}");
+    watch.kill().unwrap();
+    watch.wait().unwrap();
 }
