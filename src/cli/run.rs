@@ -1,4 +1,5 @@
 mod output_file;
+mod reload;
 mod serving;
 mod systemd;
 

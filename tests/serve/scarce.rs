@@ -25,9 +25,15 @@ fn limited(limit: &str, command: &Command) -> Command {
 }
 
 fn client(running: &Running) -> WebSocket<TcpStream> {
-    let mut request = format!("ws://{}/ws", running.address).into_client_request().unwrap();
+    // It may wait for the processor, among other tests.
+    let mut request = format!("ws://{}/ws?queue=64", running.address).into_client_request().unwrap();
     request.headers_mut().insert("sec-websocket-protocol", "lightcast.v1.json".parse().unwrap());
     connect(request, running.address).unwrap()
+}
+
+/// Takes that many lists; returns how many were lost before them.
+fn lost(socket: &mut WebSocket<TcpStream>, count: usize) -> u64 {
+    (0..count).map(|_| next_json(socket)["stream"]["lost"].as_u64().unwrap()).sum()
 }
 
 /// A value of `/metrics` by its name and labels, 0 where it is not there.
@@ -51,8 +57,7 @@ fn connections_never_take_the_handles_of_files() {
     assert!(running.said().contains("clients_max = 256, but the limit of open files leaves room for 24"));
     let mut listens = client(&running);
     let idle: Vec<_> = (0..60).map(|_| TcpStream::connect(running.address).unwrap()).collect();
-    let lists: Vec<_> = (0..50).map(|_| next_json(&mut listens)).collect();
-    assert!(lists.iter().all(|list| list["stream"]["lost"] == 0), "{lists:?}");
+    assert_eq!(lost(&mut listens, 50), 0);
     drop(idle);
     wait_until(|| get(running.address, "/readyz", &[]).0 == 200);
     assert_eq!((bad_frames(&running, "source"), bad_frames(&running, "record")), (0.0, 0.0));
@@ -60,7 +65,7 @@ fn connections_never_take_the_handles_of_files() {
     let streams: Vec<_> = (0..24).map(|_| client_or_refusal(&running)).collect();
     assert_eq!(streams.iter().filter(|stream| stream.is_ok()).count(), 23);
     assert!(streams[23].as_ref().unwrap_err().contains("503"), "{streams:?}");
-    assert!(next_json(&mut listens)["stream"]["lost"] == 0);
+    assert_eq!(lost(&mut listens, 1), 0);
     running.signal("TERM");
     assert_eq!(running.child.wait().unwrap().code(), Some(0), "{}", running.said());
     assert!(names(&folder).len() > 50);
@@ -199,7 +204,7 @@ fn a_full_disk_ends_one_output_and_says_so() {
     std::fs::remove_dir_all(&pictures).unwrap();
     std::fs::write(&pictures, "a file in place of the folder").unwrap();
     running.wait_for("picture has ended, all else goes on");
-    assert!((0..20).all(|_| next_json(&mut listens)["stream"]["lost"] == 0));
+    assert_eq!(lost(&mut listens, 20), 0);
     for stage in ["publish", "picture"] {
         let name = format!("lightcast_stage_events_total{{stage=\"{stage}\",event=\"ended alone\"}}");
         assert_eq!(metric(&running, &name), 1.0, "{stage}");
@@ -226,4 +231,41 @@ fn wrong_tokens_are_told_in_sum_and_a_token_that_is_dropped_is_warned_of() {
     reload(&mut running);
     running.wait_for("whoever reaches it gets in");
     running.end();
+}
+
+#[test]
+fn what_a_reload_cannot_have_leaves_the_old_service_running() {
+    let recording = endless(20);
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0"]);
+    let mut running = Running::start(&mut limited("-v 2500000", &command));
+    let mut listens = client(&running);
+    let good = std::fs::read_to_string(recording.configuration()).unwrap();
+    for (bad, told) in [
+        (
+            good.replace("columns = 90\nrows = 23", "columns = 16384\nrows = 4096"),
+            "the limit of the address space",
+        ),
+        (good.clone() + "[filter]\ndelay_s = 6.0\n", "2.00 s are enough"),
+        (good.clone() + "[server]\ntoken_file = \"/dev/zero\"\n", "this one has 65537"),
+    ] {
+        std::fs::write(recording.configuration(), bad).unwrap();
+        running.signal("HUP");
+        let line = running.wait_for("the configuration is not taken, the old one stays");
+        assert!(line.contains(told), "{line}");
+    }
+    let (configuration, pipe) = (recording.configuration(), recording.path().join("pipe"));
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    std::fs::rename(&pipe, &configuration).unwrap();
+    running.signal("HUP");
+    assert_eq!(lost(&mut listens, 100), 0, "lists flow meanwhile");
+    let line = running.wait_for("the configuration is not taken, the old one stays");
+    assert!(line.contains("a pipe into which nobody writes"), "{line}");
+    // While it is waited for, the first signal ends the program.
+    running.signal("HUP");
+    (0..10).for_each(|_| drop(next_json(&mut listens)));
+    let signalled = std::time::Instant::now();
+    running.signal("TERM");
+    assert_eq!(running.child.wait().unwrap().code(), Some(0), "{}", running.said());
+    assert!(signalled.elapsed().as_secs() < 4, "{:?}", signalled.elapsed());
 }
