@@ -2,9 +2,11 @@
 //! ([`Place`]), and a sentence for the reader.
 
 mod place;
+mod text_file;
 mod toml_text;
 
 pub use place::Place;
+pub use text_file::read_at_most;
 pub use toml_text::TomlText;
 
 use std::fmt;
@@ -19,6 +21,8 @@ pub enum Kind {
     BadFrame,
     /// A device does not answer or has gone: try again later.
     LostDevice,
+    /// What is needed is taken, and will be there again, such as a file handle: wait, and try the same again.
+    NotNow,
     /// The command line, a configuration or a calibration is wrong: exit code 2.
     Usage,
     /// Anything else: stop, exit code 1.
@@ -44,6 +48,11 @@ impl Error {
     /// A device that does not answer or has gone.
     pub fn lost_device(message: impl Into<String>) -> Self {
         Self::new(Kind::LostDevice, message.into())
+    }
+
+    /// Something that cannot be had for now.
+    pub fn not_now(message: impl Into<String>) -> Self {
+        Self::new(Kind::NotNow, message.into())
     }
 
     /// A mistake in a command line, configuration or calibration.

@@ -2,14 +2,13 @@
 //! columns, with black squares between their corners.
 
 use super::Corner;
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Place, Result, read_at_most};
 use crate::files::GreyPicture;
 use crate::rt::contained;
 use ::aprilgrid::TagFamily;
 use ::aprilgrid::detector::{DetectorParams, TagDetector};
 use glam::DVec2;
 use serde::Deserialize;
-use std::io::Read;
 use std::path::Path;
 
 /// Dimensions of a board.
@@ -65,11 +64,12 @@ impl AprilGrid {
     /// # Errors
     /// `Usage`, naming the file and the key.
     pub fn load(path: &Path) -> Result<Self> {
-        let mut text = String::new();
-        std::fs::File::open(path)
-            .and_then(|file| file.take(FILE_MAX_BYTES).read_to_string(&mut text))
+        read_at_most(path, FILE_MAX_BYTES)
             .map_err(|error| Error::usage("cannot be read").because(error))
-            .and_then(|_| Self::parse(&text))
+            .and_then(|bytes| {
+                String::from_utf8(bytes).map_err(|error| Error::usage("is not text").because(error))
+            })
+            .and_then(|text| Self::parse(&text))
             .map_err(|error| error.at(path))
     }
 

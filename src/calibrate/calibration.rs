@@ -17,10 +17,9 @@
 //! 0.5 px is added to their cx and cy on loading.
 
 use super::{document, kalibr_file, opencv_file};
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Place, Result, read_at_most};
 use lightcast_core::camera::{Lens, LensParameters, Response, ResponseModel};
 use serde::{Deserialize, Serialize};
-use std::io::Read;
 use std::path::Path;
 
 /// What a calibration file says about a camera, checked.
@@ -208,10 +207,7 @@ fn no_cameras(camera: Option<&str>) -> Result<()> {
 
 fn read(path: &Path) -> Result<String> {
     let unreadable = |error: std::io::Error| Error::usage("cannot be read").because(error);
-    let mut bytes = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(SIZE_MAX_BYTES + 1).read_to_end(&mut bytes))
-        .map_err(unreadable)?;
+    let bytes = read_at_most(path, SIZE_MAX_BYTES).map_err(unreadable)?;
     if bytes.len() as u64 > SIZE_MAX_BYTES {
         return Err(Error::usage("is larger than 1 MiB: this is no calibration"));
     }

@@ -34,10 +34,9 @@
 //! ```
 
 use super::{BoardView, Corner};
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Place, Result, read_at_most};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
-use std::io::Read;
 use std::path::Path;
 
 /// Corners of many pictures of one board by one camera.
@@ -247,10 +246,8 @@ fn view(entry: ViewEntry, board: &[DVec2], shift_px: f64, size: [usize; 2]) -> R
 }
 
 fn read(path: &Path) -> Result<String> {
-    let mut bytes = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(SIZE_MAX_BYTES + 1).read_to_end(&mut bytes))
-        .map_err(|error| Error::usage("cannot be read").because(error))?;
+    let bytes =
+        read_at_most(path, SIZE_MAX_BYTES).map_err(|error| Error::usage("cannot be read").because(error))?;
     if bytes.len() as u64 > SIZE_MAX_BYTES {
         return Err(Error::usage("is larger than 64 MiB: give fewer views"));
     }

@@ -66,7 +66,13 @@ enum Command {
 /// Runs the program; the exit code is 0 for done, 1 for failed, 2 for wrong usage or configuration.
 pub fn main() -> ExitCode {
     let Arguments { command, log_format } = Arguments::parse();
-    messages::start(log_format);
+    let _messages = match messages::start(log_format) {
+        Ok(messages) => messages,
+        Err(error) => {
+            messages::print(&format!("{error}\n"));
+            return exit_code(&error);
+        }
+    };
     let outcome = match &command {
         Command::Run(arguments) => run::run(arguments),
         Command::Record(arguments) => record::run(arguments),

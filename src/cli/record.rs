@@ -1,5 +1,5 @@
 use super::input::ConfigurationArguments;
-use super::run::watch;
+use super::run::{allow_many_files, watch};
 use super::signals::SignalWatch;
 use crate::config::Config;
 use crate::error::Result;
@@ -64,6 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         queue: arguments.queue.into(),
         frames_max: arguments.frames.unwrap_or(u64::MAX),
     };
+    allow_many_files();
     let shutdown = Shutdown::new();
     let _signals = SignalWatch::start(&shutdown)?;
     let service = Service::record(&config, &options, &shutdown)?;

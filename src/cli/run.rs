@@ -1,23 +1,21 @@
+mod output_file;
+mod reload;
 mod serving;
 mod systemd;
 
 use super::input::ConfigurationArguments;
+use super::messages::{METRICS, print};
 use super::progress::Progress;
 use super::signals::SignalWatch;
 use crate::config::Config;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::net::{Board, Server};
-use crate::rt::{Shutdown, StoppableWriter};
+use crate::rt::{Shutdown, handle_limit, raise_handle_limit};
 use crate::service::{Ends, Output, Pictures, RecordOptions, Service, Summary};
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use output_file::OutputFile;
 use serving::Serving;
-use std::cell::RefCell;
-use std::fs::File;
-use std::io::{self, Write as _};
-use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use systemd::Watchdog;
 
@@ -40,7 +38,8 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 /// With --listen the lists are also streamed to clients, over WebSockets; http://HOST:PORT/ shows them in a
 /// browser. Then SIGHUP reloads the configuration: if it is invalid the old one stays, otherwise the service
 /// restarts with it, and clients stay connected (those of a server whose section [server] has changed
-/// reconnect). Lists then are written only to --output.
+/// reconnect). Lists then are written only to --output; a full disk ends that output, or the pictures, and
+/// nothing else.
 ///
 /// Examples:
 ///   lightcast run config/replay.toml | jq .error
@@ -51,8 +50,9 @@ pub(super) struct Arguments {
     #[command(flatten)]
     pub config: ConfigurationArguments,
 
-    /// Write the light lists to this file instead of standard output [default with --listen: nowhere]. With
-    /// --listen, or a camera, a slow reader of it loses lists, which are counted, and holds nobody up.
+    /// Append the light lists to this file instead of standard output [default with --listen: nowhere]. With
+    /// --listen, or a camera, a slow reader of it loses lists, which are counted, and holds nobody up; with
+    /// --listen, SIGHUP opens it anew, after logs were rotated. Two programs cannot write to one file.
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
 
@@ -80,18 +80,19 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     arguments.config.check("run")?;
     let config = Config::load(arguments.config.path())?;
+    allow_many_files();
     let shutdown = Shutdown::new();
     let Some(address) = &arguments.listen else {
         let _signals = SignalWatch::start(&shutdown)?;
-        let output = OutputFile::new(arguments);
+        let output = OutputFile::new(arguments.output.as_deref(), false);
         let ends = ends(arguments, arguments.record.clone(), output.output(&shutdown), None);
         let service = Service::start(&config, ends, &shutdown)?;
         let summary = service.summary();
         return watch(service, &summary, "lists", Summary::lists_made, |_| ());
     };
     let signals = SignalWatch::start_with_hangup(&shutdown)?;
-    allow_many_connections();
     let board = Arc::new(Board::default());
+    board.show_always(METRICS.clone());
     let server = Server::start(address, &board, config.server_options()?, &shutdown)?;
     tracing::info!("listening on http://{}/", server.address());
     let served = Serving {
@@ -100,19 +101,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
         shutdown: &shutdown,
         board: &board,
         server: &server,
-        output: OutputFile::new(arguments),
+        output: OutputFile::new(arguments.output.as_deref(), true),
         watchdog: Watchdog::new(),
     }
     .serve(config);
     served.and(server.stop())
 }
 
-/// Raises the limit on open files, of which every client is one, from the shell's limit to the highest one
-/// allowed.
-fn allow_many_connections() {
-    let limit = getrlimit(Resource::Nofile);
-    if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit }) {
-        tracing::warn!("the limit of open files stays at {:?}: {error}", limit.current);
+/// Allows as many open files as the machine does: every client is one, and files of frames come and go.
+pub(super) fn allow_many_files() {
+    if let Err(error) = raise_handle_limit() {
+        tracing::warn!("the limit of open files stays at {:?}: {error}", handle_limit());
     }
 }
 
@@ -147,50 +146,6 @@ pub(super) fn watch(
     });
     progress.finish();
     // The summary also tells how far a failed run came.
-    let _ = write!(io::stderr(), "{summary}");
+    print(&summary.to_string());
     outcome
-}
-
-/// Where the lists are written: a file is created by the first service that starts, and continued by those
-/// after it.
-pub(super) struct OutputFile<'a> {
-    path: Option<&'a Path>,
-    /// Lists that are streamed to clients are written only on request.
-    is_streamed: bool,
-    file: Rc<RefCell<Option<File>>>,
-    /// Whether the last service had to leave a line unfinished.
-    is_cut: Arc<AtomicBool>,
-}
-
-impl<'a> OutputFile<'a> {
-    fn new(arguments: &'a Arguments) -> Self {
-        Self {
-            path: arguments.output.as_deref(),
-            is_streamed: arguments.listen.is_some(),
-            file: Rc::default(),
-            is_cut: Arc::default(),
-        }
-    }
-
-    /// The output of a service that ends with `shutdown`.
-    pub fn output(&self, shutdown: &Shutdown) -> Option<Output> {
-        let Some(path) = self.path else {
-            return (!self.is_streamed).then(|| Output::new("standard output", io::stdout()));
-        };
-        let (path, file) = (path.to_owned(), self.file.clone());
-        let (is_cut, shutdown) = (self.is_cut.clone(), shutdown.clone());
-        let name = path.display().to_string();
-        let open = move || -> Result<Box<dyn io::Write + Send>> {
-            let failed =
-                |error: io::Error| Error::failed("the output file cannot be made").because(error).at(&path);
-            let mut file = file.borrow_mut();
-            let file = match &mut *file {
-                Some(file) => file,
-                None => file.insert(File::create(&path).map_err(failed)?),
-            };
-            let file = file.try_clone().map_err(failed)?;
-            Ok(Box::new(StoppableWriter::new(file, &is_cut, &shutdown).map_err(failed)?))
-        };
-        Some(Output { name, open: Box::new(open) })
-    }
 }

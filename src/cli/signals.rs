@@ -52,8 +52,8 @@ impl SignalWatch {
                     signal_hook::low_level::exit(128 + signal);
                 }
                 is_first = false;
-                tracing::info!("stopping in good order; a second signal stops at once");
                 shutdown.request();
+                tracing::info!("stopping in good order; a second signal stops at once");
             }
         };
         let thread = Builder::new().name("signals".to_owned()).spawn(watch).map_err(failed)?;

@@ -3,6 +3,7 @@ mod selection;
 mod tally;
 
 use super::input::{Input, display_name, open_lists};
+use super::messages::print;
 #[cfg(feature = "render")]
 use super::render;
 use super::signals::SignalWatch;
@@ -15,7 +16,6 @@ use clap::ValueEnum;
 use lightcast_core::light::LightList;
 use lines::Lines;
 use selection::Selection;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -175,7 +175,7 @@ fn watch_server(arguments: &Arguments) -> Result<()> {
     let lock = || tally.lock().unwrap_or_else(PoisonError::into_inner);
     let outcome = client.join(Duration::from_millis(100), || lock().tell_each_second(bytes.get()));
     lock().tell_rest(bytes.get());
-    let _ = write!(io::stderr(), "{}", Summary::of(vec![metrics]));
+    print(&Summary::of(vec![metrics]).to_string());
     outcome
 }
 

@@ -8,10 +8,16 @@ use crate::error::{Error, Place, Result};
 use lightcast_core::temporal::{Directions, Taps};
 use pm_remez::{Band, PMParameters, ParametersBuilder, pm_remez};
 use serde::Deserialize;
+use std::f64::consts::TAU;
 
 /// Highest order that is designed. The design is tested up to this order (2000 frames/s at 160 ms, which
 /// takes 27 ms once); a longer history of 300 lights would far exceed the cache.
 const MAX_ORDER: usize = 640;
+
+/// Highest attenuation that is designed, in decibels: a light is an f32, of which the ripple of such a filter
+/// changes nothing. Where more is asked for, the ripple is lost in the rounding of f64, and the exchange finds
+/// no peaks (from 170 dB on) or does not end (at 450 dB).
+const ATTENUATION_MAX_DB: f64 = 160.0;
 
 /// Relative difference of the ripple peaks at which the exchange stops, and above which a design is refused.
 /// 1e-6 of a ripple of 0.09 changes taps by 1e-7.
@@ -90,6 +96,7 @@ pub fn low_pass(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
             options.delay_s,
         )));
     }
+    check_attenuation(2 * delay_frames as usize, frame_rate_hz, options)?;
     let mut taps = equiripple(2 * delay_frames as usize, frame_rate_hz, options.pass_hz, options.stop_hz)?;
     let sum: f64 = taps.iter().sum();
     // The gain at 0 Hz is 1 plus or minus the ripple; with a ripple this large there is no pass band.
@@ -98,6 +105,22 @@ pub fn low_pass(frame_rate_hz: f64, options: &FilterOptions) -> Result<Taps> {
     }
     taps.iter_mut().for_each(|tap| *tap /= sum);
     Ok(Taps::new(taps)?)
+}
+
+/// Refuses an order that attenuates more than anybody could see; by Kaiser's estimate, the attenuation is
+/// 8 dB + 2.285 dB times the order and the width of the transition in radians per frame.
+fn check_attenuation(order: usize, frame_rate_hz: f64, options: &FilterOptions) -> Result<()> {
+    let transition_rad = TAU * (options.stop_hz - options.pass_hz) / frame_rate_hz;
+    let order_max = (ATTENUATION_MAX_DB - 8.0) / (2.285 * transition_rad);
+    if order as f64 <= order_max.max(2.0) {
+        return Ok(());
+    }
+    let delay_max_s = (0.5 * order_max).floor().max(1.0) / frame_rate_hz;
+    Err(Error::usage(format!(
+        "a filter of order {order}, for a delay of delay_s = {} s at {frame_rate_hz} frames/s, stops more than \
+         {ATTENUATION_MAX_DB} dB between {} and {} Hz, which nobody can see: {delay_max_s:.2} s are enough",
+        options.delay_s, options.pass_hz, options.stop_hz,
+    )))
 }
 
 /// Equiripple low-pass of even `order` with the same weight on both bands, not normalised.
@@ -132,7 +155,6 @@ fn cannot_tell_apart(pass_hz: f64, stop_hz: f64, frame_rate_hz: f64, order: usiz
 mod tests {
     use super::*;
     use crate::error::Kind;
-    use std::f64::consts::TAU;
 
     /// Amplitude response of symmetric taps: `h_m + 2 sum_k h_(m-k) cos(2 pi f k)`, f in units of the frame
     /// rate.
@@ -292,5 +314,26 @@ mod tests {
         let options: FilterOptions = toml::from_str("pass_hz = 5.0").unwrap();
         assert_eq!(options, FilterOptions { pass_hz: 5.0, ..FilterOptions::default() });
         assert!(toml::from_str::<FilterOptions>("pas_hz = 5.0").unwrap_err().to_string().contains("pas_hz"));
+    }
+
+    #[test]
+    fn a_delay_for_which_the_design_would_not_end_is_refused_with_one_that_suffices() {
+        let options = FilterOptions { delay_s: 6.0, ..FilterOptions::default() };
+        let error = low_pass(25.0, &options).unwrap_err().to_string();
+        assert!(error.contains("order 300") && error.contains("2.00 s are enough"), "{error}");
+        for (rate_hz, pass_hz, stop_hz) in
+            [(25.0, 7.0, 9.6), (60.0, 7.0, 9.6), (25.0, 2.0, 11.0), (25.0, 0.5, 12.0)]
+        {
+            let mut designed = 0;
+            for delay_frames in 1..=60 {
+                let delay_s = f64::from(delay_frames) / rate_hz;
+                let options = FilterOptions { pass_hz, stop_hz, delay_s, ..FilterOptions::default() };
+                match low_pass(rate_hz, &options) {
+                    Ok(_) => designed += 1,
+                    Err(error) => assert!(error.to_string().contains("are enough"), "{error}"),
+                }
+            }
+            assert!(designed >= 11, "{rate_hz} {pass_hz} {stop_hz}: {designed}");
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! Files that people write in TOML, and the position of faults in them.
 
-use super::{Error, Place, Result};
+use super::{Error, Place, Result, read_at_most};
 use serde::de::DeserializeOwned;
-use std::io::Read;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
@@ -25,13 +25,12 @@ impl TomlText {
     /// Kind `Usage`, naming the file: unreadable, not UTF-8, or above 1 MiB.
     pub fn load(path: &Path) -> Result<Self> {
         let unreadable = |error: std::io::Error| Error::usage("cannot be read").because(error).at(path);
-        let mut text = String::new();
-        std::fs::File::open(path)
-            .and_then(|file| file.take(SIZE_MAX_BYTES + 1).read_to_string(&mut text))
-            .map_err(unreadable)?;
-        if text.len() as u64 > SIZE_MAX_BYTES {
+        let bytes = read_at_most(path, SIZE_MAX_BYTES).map_err(unreadable)?;
+        if bytes.len() as u64 > SIZE_MAX_BYTES {
             return Err(Error::usage("is larger than 1 MiB: nobody writes that by hand").at(path));
         }
+        let text = String::from_utf8(bytes)
+            .map_err(|_| unreadable(std::io::Error::new(ErrorKind::InvalidData, "it is not UTF-8")))?;
         Ok(Self { path: path.to_owned(), text })
     }
 

@@ -4,6 +4,11 @@
 use crate::error::{Error, Result};
 use crate::rt;
 use lightcast_core::image::{Frame, LatLongCentres, Pixels};
+use rustix::fs::OFlags;
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
 
 /// Longest side that is read. The largest panoramas sold are 16384 x 8192, the largest fisheye sensors far
 /// smaller; a damaged header may claim anything up to 2^32.
@@ -26,6 +31,16 @@ pub struct Attributes {
     pub overflowed: u64,
     /// When it was captured, by the clock of the camera; only recorded files say so.
     pub capture_time_ns: Option<i64>,
+}
+
+/// Opens a picture file. A pipe, of which no picture is made, is not waited for, and a device is not read.
+pub(super) fn open_picture(path: &Path) -> io::Result<File> {
+    let flags = OFlags::NONBLOCK.bits() as i32;
+    let file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
+    match file.metadata()?.is_file() {
+        true => Ok(file),
+        false => Err(io::Error::new(ErrorKind::InvalidInput, "it is no file")),
+    }
 }
 
 /// Runs a decoder. Those of `exr` 1.74 and `image` 0.25 index and multiply with numbers from the file and

@@ -3,9 +3,10 @@
 //! The kind is taken from the first bytes, never from the name, so that a PNG called `.exr` is read and a
 //! text file called `.exr` is refused as what it is.
 
-use super::codec::{Attributes, guarded};
+use super::codec::{Attributes, guarded, open_picture};
 use super::{jpeg, open_exr, png, radiance};
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
+use crate::rt::is_out_of_handles;
 use lightcast_core::image::Frame;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Seek};
@@ -26,7 +27,8 @@ use std::path::Path;
 ///
 /// # Errors
 ///
-/// Of kind [`BadFrame`](crate::error::Kind::BadFrame), naming the file: missing, empty, truncated, damaged,
+/// Of kind [`NotNow`](Kind::NotNow) where no file handle is left, which is no fault of the file. Of kind
+/// [`BadFrame`](Kind::BadFrame), naming the file: missing, empty, truncated, damaged,
 /// of unknown kind, of a kind or size that is not supported. `frame` is then empty (0 x 0). No content of a
 /// file causes a panic.
 pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
@@ -43,11 +45,14 @@ pub fn decode(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
 
 fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
     let open = || -> std::io::Result<(BufReader<File>, u64)> {
-        let file = File::open(path)?;
+        let file = open_picture(path)?;
         let bytes = file.metadata()?.len();
         Ok((BufReader::with_capacity(1 << 16, file), bytes))
     };
-    let (file, bytes) = open().map_err(|error| Error::bad_frame("cannot be opened").because(error))?;
+    let (file, bytes) = open().map_err(|error| {
+        let kind = if is_out_of_handles(&error) { Kind::NotNow } else { Kind::BadFrame };
+        Error::bad_frame("cannot be opened").because(error).with_kind(kind)
+    })?;
     decode_by_kind(file, bytes, frame)
 }
 
@@ -81,7 +86,6 @@ pub fn lat_long_note(width: usize, height: usize) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Kind;
     use lightcast_core::image::Pixels;
     use std::fs;
 

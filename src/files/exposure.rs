@@ -1,8 +1,8 @@
 //! The exposure that a photograph's EXIF data record.
 
+use super::codec::open_picture;
 use crate::error::{Error, Result};
 use exif::{In, Reader, Tag, Value};
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -39,7 +39,7 @@ impl ExposureSettings {
 /// Of kind [`BadFrame`](crate::error::Kind::BadFrame), naming the file, when it cannot be opened.
 pub fn exposure_settings(path: &Path) -> Result<Option<ExposureSettings>> {
     let file =
-        File::open(path).map_err(|error| Error::bad_frame("cannot be opened").because(error).at(path))?;
+        open_picture(path).map_err(|error| Error::bad_frame("cannot be opened").because(error).at(path))?;
     // Data that cannot be parsed count as missing: the picture itself can still be used.
     let Ok(data) = Reader::new().read_from_container(&mut BufReader::new(file)) else { return Ok(None) };
     let number = |tag: Tag| -> Option<f64> {

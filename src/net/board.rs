@@ -118,6 +118,11 @@ impl Board {
         self.stages.replace(stages);
     }
 
+    /// Shows these metrics whichever service posts.
+    pub fn show_always(&self, metrics: Arc<Metrics>) {
+        self.stages.add_for_good(metrics);
+    }
+
     /// Notifies the caller of every post from now on, with the number of the next.
     pub(super) fn posts(&self) -> watch::Receiver<u64> {
         self.next_number.subscribe()

@@ -28,6 +28,8 @@ const ASK_EVERY: Duration = Duration::from_secs(5);
 const SILENCE_MAX: Duration = Duration::from_secs(20);
 /// Four lists of 300 lights as bytes.
 const READ_BUFFER_BYTES: usize = 1 << 14;
+/// Most bytes that wait for the server to take them: a client only sends pings, pongs and a closing message.
+const WRITE_BUFFER_MAX_BYTES: usize = 1 << 16;
 /// Longest wait for a server to take the closing message.
 const FAREWELL: Duration = Duration::from_millis(100);
 /// How often a shutdown request is checked for.
@@ -198,7 +200,10 @@ impl<D: FnMut(&Message) -> Result<bool>> Connection<D> {
             .max_message_size(Some(MESSAGE_MAX_BYTES))
             .max_frame_size(Some(MESSAGE_MAX_BYTES))
             // The buffer is cleared before every read.
-            .read_buffer_size(READ_BUFFER_BYTES);
+            .read_buffer_size(READ_BUFFER_BYTES)
+            // A server that sends pings and takes no pong is given up.
+            .write_buffer_size(0)
+            .max_write_buffer_size(WRITE_BUFFER_MAX_BYTES);
         let connecting = connect_async_with_config(request, Some(config), true);
         match timeout(CONNECT_WITHIN, connecting).await {
             Ok(Ok((socket, _))) => Ok(socket),

@@ -7,17 +7,22 @@
 
 mod access;
 mod board;
+mod burst;
 mod client;
+mod frames;
 mod metrics;
 mod options;
 mod page;
+mod places;
 mod posting;
 mod requests;
+mod room;
 mod server;
 mod session;
 mod shared;
 mod stages;
 mod turn;
+mod watched;
 
 pub use board::Board;
 pub use client::{Client, ClientOptions};

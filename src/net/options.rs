@@ -1,4 +1,4 @@
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, read_at_most};
 use std::fmt;
 use std::path::Path;
 use std::time::Duration;
@@ -6,6 +6,8 @@ use subtle::ConstantTimeEq;
 
 /// Most bytes of a file with a token.
 const TOKEN_MAX_BYTES: usize = 1024;
+/// Bytes of the file that are read: its first line, and notes.
+const FILE_MAX_BYTES: u64 = 1 << 16;
 /// Fewest bytes of a token; a shorter one can be guessed.
 const TOKEN_LEAST_BYTES: usize = 16;
 
@@ -41,10 +43,11 @@ impl Token {
     /// characters, or characters other than letters, digits and `-._~`, which are valid in every place that
     /// carries a token.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let bytes = read_at_most(path, FILE_MAX_BYTES).map_err(|error| {
             Error::usage("the file with the token cannot be read").because(error).at(path)
         })?;
-        Self::new(text.lines().next().unwrap_or("").trim()).map_err(|error| error.at(path))
+        let line = bytes.split(|&byte| byte == b'\n').next().unwrap_or_default();
+        Self::new(String::from_utf8_lossy(line).trim()).map_err(|error| error.at(path))
     }
 
     fn new(text: &str) -> Result<Self> {
@@ -109,6 +112,8 @@ mod tests {
             assert!(error.contains(expected) && error.contains("/token: "), "{error}");
             assert!(text.is_empty() || !error.contains(text), "{error}");
         }
+        let zeros = Token::load(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert!(zeros.contains("this one has 65537"), "{zeros}");
         assert!(Token::load(&folder.path().join("none")).unwrap_err().to_string().contains("none"));
     }
 }

@@ -3,6 +3,7 @@
 use super::access::{self, Refusal};
 use super::metrics;
 use super::page;
+use super::places::Visit;
 use super::session::Session;
 use super::shared::{EncodedMap, Peer, Shared};
 use crate::error::{Error, Result};
@@ -26,6 +27,9 @@ use std::time::Duration;
 /// A server whose newest list is older than this, and than five frames, is not ready.
 const READY_WITHIN: Duration = Duration::from_secs(5);
 
+/// Where the program says how it is.
+const HEALTH: [&str; 2] = ["/healthz", "/readyz"];
+
 /// Number of the newest item in its sequence.
 const SEQUENCE: HeaderName = HeaderName::from_static("lightcast-sequence");
 /// Not among the names that the library has.
@@ -42,8 +46,8 @@ pub(super) fn router(shared: &Arc<Shared>) -> Router {
         .route("/metrics", get(metrics))
         .route_layer(middleware::from_fn_with_state(shared.clone(), needs_token));
     Router::new()
-        .route("/healthz", get(|| async { "ok\n" }))
-        .route("/readyz", get(ready))
+        .route(HEALTH[0], get(|| async { "ok\n" }))
+        .route(HEALTH[1], get(ready))
         .merge(page::router())
         .merge(protected)
         .fallback(|| async { refused(StatusCode::NOT_FOUND, "there is nothing of this name here") })
@@ -56,7 +60,14 @@ async fn needs_token(State(shared): State<Arc<Shared>>, request: Request, next: 
 }
 
 async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    let mut response = check(&shared, false, request, next).await;
+    let is_for_health = request.extensions().get::<Arc<Visit>>().is_some_and(|visit| visit.is_for_health);
+    let is_busy = is_for_health && !HEALTH.contains(&request.uri().path());
+    let mut response = if is_busy {
+        shared.counters.refused.add(1);
+        refused(StatusCode::SERVICE_UNAVAILABLE, "all connections are busy; try again later")
+    } else {
+        check(&shared, false, request, next).await
+    };
     let is_upgrade = response.status() == StatusCode::SWITCHING_PROTOCOLS;
     let headers = response.headers_mut();
     if !is_upgrade {
@@ -75,12 +86,14 @@ async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, nex
 
 async fn check(shared: &Shared, needs_token: bool, request: Request, next: Next) -> Response {
     let options = shared.options();
+    let peer = request.extensions().get::<Peer>().copied();
     match access::check(request.headers(), &options, &shared.names, needs_token) {
         Ok(()) => next.run(request).await,
         Err(refusal) => {
             shared.counters.refused.add(1);
             let mut response = refused(refusal.status(), refusal.reason());
             if refusal == Refusal::Token {
+                shared.tell_of_stranger(peer);
                 response.headers_mut().insert(WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
             }
             response
@@ -102,6 +115,7 @@ fn not_yet(what: &str) -> Response {
 async fn stream(
     State(shared): State<Arc<Shared>>,
     Extension(Peer(peer)): Extension<Peer>,
+    Extension(visit): Extension<Arc<Visit>>,
     RawQuery(query): RawQuery,
     upgrade: WebSocketUpgrade,
 ) -> Response {
@@ -124,6 +138,7 @@ async fn stream(
         shared.counters.refused.add(1);
         return refused(StatusCode::SERVICE_UNAVAILABLE, "all connection slots are taken; try again later");
     };
+    visit.becomes_stream();
     upgrade
         .max_message_size(wire::DEMAND_MAX_BYTES)
         .max_frame_size(wire::DEMAND_MAX_BYTES)

@@ -1,8 +1,11 @@
 use super::access::Names;
+use super::places::{Place, Places};
+use super::room::Room;
 use super::shared::{Peer, Phase, Shared};
+use super::watched::Watched;
 use super::{Board, ServerOptions, requests};
 use crate::error::{Error, Result};
-use crate::rt::{Metrics, Shutdown, Threads};
+use crate::rt::{Metrics, Shutdown, Threads, handle_limit, monotonic_ns};
 use axum::Router;
 use hyper::Request;
 use hyper::body::Incoming;
@@ -16,19 +19,19 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::runtime;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-use tokio::time::{sleep, timeout};
+use tokio::task::yield_now;
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 /// Size of the kernel's send buffer for a client. More would only hold older lists for the client to read
 /// before it gets to the newest: this holds some 15 lists of 300 lights as bytes.
 const SEND_BUFFER_BYTES: usize = 1 << 16;
-/// Connections for requests, in addition to those for streams of lists.
-const REQUESTS_MAX: usize = 64;
 /// Longest time for the head of a request.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
-/// Longest life of a connection for requests: a client that reads an answer byte by byte does not hold it for
-/// ever.
-const CONNECTION_WITHIN: Duration = Duration::from_secs(120);
+/// How often a connection is looked at, whether its client takes its answer fast enough.
+const GLANCE: Duration = Duration::from_secs(1);
+/// Answer to a connection for which there is no place.
+const NO_PLACE: &[u8] =
+    b"HTTP/1.1 503 Service Unavailable\r\nretry-after: 1\r\nconnection: close\r\ncontent-length: 0\r\n\r\n";
 /// Longest time that clients have at the end to take the remaining lists.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
@@ -54,13 +57,10 @@ impl Server {
         let (listener, asked) = (listen(address)?, address.to_owned());
         let failed = |error: std::io::Error| Error::failed("cannot listen").because(error).at(address);
         let address = listener.local_addr().map_err(failed)?;
-        if options.token.is_none() && !address.ip().is_loopback() {
-            tracing::warn!(
-                "{address} can be reached by other machines, and whoever reaches it gets in: see [server] token_file"
-            );
-        }
         let names = Names::new(&asked, address.ip().is_loopback());
-        let shared = Arc::new(Shared::new(board, names, options));
+        let room = Room::within(handle_limit())?;
+        warn(address, room, &options);
+        let shared = Arc::new(Shared::new(board, names, room, options));
         let runtime = runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
@@ -91,6 +91,9 @@ impl Server {
 
     /// Serves by these rules from now on. If they changed, connected clients have to reconnect.
     pub fn set_options(&self, options: ServerOptions) {
+        if *self.shared.options() != options {
+            warn(self.address, self.shared.room, &options);
+        }
         self.shared.set_options(options);
     }
 
@@ -111,6 +114,23 @@ impl Drop for Server {
     }
 }
 
+/// Says what these options let happen.
+fn warn(address: SocketAddr, room: Room, options: &ServerOptions) {
+    if options.token.is_none() && !address.ip().is_loopback() {
+        tracing::warn!(
+            "{address} can be reached by other machines, and whoever reaches it gets in: see [server] token_file"
+        );
+    }
+    let (asked, have) = (options.clients_max, room.streams);
+    if asked > have {
+        tracing::warn!(
+            "[server] clients_max = {asked}, but the limit of open files leaves room for {have}: the clients \
+             beyond them are sent away; raise the limit (ulimit -n, LimitNOFILE= of a unit) to {}",
+            Room::limit_for(asked)
+        );
+    }
+}
+
 fn listen(address: &str) -> Result<TcpListener> {
     let wrong = "is no HOST:PORT to listen on, such as 127.0.0.1:7300";
     let addresses: Vec<SocketAddr> =
@@ -128,24 +148,32 @@ fn listen(address: &str) -> Result<TcpListener> {
 async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Result<()> {
     let listener = tokio::net::TcpListener::from_std(listener)
         .map_err(|error| Error::failed("the server cannot listen").because(error))?;
-    let connections = Arc::new(Semaphore::new(REQUESTS_MAX));
+    let places = Places::new(shared.room.requests);
     let mut phase = shared.phase();
+    let mut sums = interval(GLANCE);
+    sums.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
-        // With all connection slots taken, the others wait in the kernel until a connection ends or its time
-        // is up.
-        let permit = tokio::select! {
-            permit = connections.clone().acquire_owned() => permit.expect("nobody closes the semaphore"),
-            _ = phase.wait_for(|phase| *phase == Phase::Ending) => break,
-        };
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
             _ = phase.wait_for(|phase| *phase == Phase::Ending) => break,
+            _ = sums.tick() => {
+                shared.tell_rest();
+                continue;
+            }
         };
         match accepted {
-            Ok((stream, address)) => {
-                let service = TowerToHyperService::new(router.clone());
-                tokio::spawn(connection(stream, Peer(address), service, permit));
-            }
+            Ok((stream, address)) => match places.take(monotonic_ns()) {
+                Some(place) => {
+                    let service = TowerToHyperService::new(router.clone());
+                    tokio::spawn(connection(stream, Peer(address), service, place, shared.clone()));
+                    // One that has to leave for it does so before the next one comes: their number is limited.
+                    yield_now().await;
+                }
+                None => {
+                    shared.counters.refused.add(1);
+                    let _ = stream.try_write(NO_PLACE);
+                }
+            },
             Err(error) => {
                 // The client has gone again, or this process has no file handle left: try again later.
                 tracing::warn!("a connection cannot be accepted: {error}");
@@ -164,25 +192,39 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
 }
 
 /// Answers the requests of one connection. A connection that becomes a stream of lists leaves this function
-/// and gives its permit back.
+/// and gives its place back.
 async fn connection(
     stream: TcpStream,
     peer: Peer,
     service: TowerToHyperService<Router>,
-    permit: OwnedSemaphorePermit,
+    place: Place,
+    shared: Arc<Shared>,
 ) {
     // A list is one write, which need not be combined with others.
     let _ = stream.set_nodelay(true);
+    let visit = &place.visit;
+    let watched = Watched::new(stream, visit);
+    let asking = visit.clone();
     let service = service_fn(move |mut request: Request<Incoming>| {
+        asking.asks(monotonic_ns());
         request.extensions_mut().insert(peer);
+        request.extensions_mut().insert(asking.clone());
         service.call(request)
     });
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_WITHIN)
-        .serve_connection(TokioIo::new(stream), service)
+        .serve_connection(TokioIo::new(watched), service)
         .with_upgrades();
-    // Errors of clients that send nonsense or disconnect meanwhile do not matter to the server.
-    let _ = timeout(CONNECTION_WITHIN, connection).await;
-    drop(permit);
+    let is_too_slow = async {
+        while !visit.is_too_slow(monotonic_ns()) {
+            sleep(GLANCE).await;
+        }
+    };
+    tokio::select! {
+        // Errors of clients that send nonsense or disconnect meanwhile do not matter to the server.
+        _ = connection => {}
+        () = visit.leave.notified() => shared.counters.left_for_others.add(1),
+        () = is_too_slow => shared.counters.too_slow.add(1),
+    }
 }

@@ -7,6 +7,7 @@ use crate::rt::{monotonic_ns, utc_from_monotonic_ns};
 use crate::wire::{Delivery, Subscription, binary, json};
 use axum::Error;
 use axum::extract::ws::{CloseCode, CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,9 +15,6 @@ use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use tokio_tungstenite::tungstenite::{self, error::ProtocolError};
 
-/// Messages that a client may send at once, and how many more in a second; more is a flood.
-const BURST: f64 = 20.0;
-const MESSAGES_PER_SECOND: f64 = 4.0;
 /// A send that takes this long has waited for the client to take earlier data.
 const WAITED: Duration = Duration::from_millis(100);
 /// Longest wait for a client to take the closing message.
@@ -32,8 +30,6 @@ pub(super) struct Session {
     patience: Duration,
     /// Time of the client's last activity: a message, at least a pong, or taking data that had waited for it.
     last_activity: Instant,
-    /// Messages that the client may send, at the time that goes with the number.
-    allowance: (f64, Instant),
     /// Lists sent so far.
     sent: u64,
     lost: u64,
@@ -79,7 +75,6 @@ impl Session {
             is_binary,
             patience,
             last_activity: Instant::now(),
-            allowance: (BURST, Instant::now()),
             sent: 0,
             lost: 0,
         }
@@ -117,7 +112,12 @@ impl Session {
                 received = self.socket.recv() => {
                     match received {
                         Some(Ok(message)) => self.receive(message).await?,
-                        Some(Err(error)) => return Err(end_of(error)),
+                        Some(Err(error)) => {
+                            let end = end_of(error);
+                            let is_flood = matches!(end, End::Close(close_code::POLICY, _));
+                            self.shared.counters.floods.add(u64::from(is_flood));
+                            return Err(end);
+                        }
                         None => return Err(End::Gone),
                     }
                 }
@@ -194,16 +194,7 @@ impl Session {
     }
 
     async fn receive(&mut self, message: Message) -> Result<(), End> {
-        let now = Instant::now();
-        self.last_activity = now;
-        let (before, then) = self.allowance;
-        let since_s = now.duration_since(then).as_secs_f64();
-        let allowance = (before + since_s * MESSAGES_PER_SECOND).min(BURST) - 1.0;
-        self.allowance = (allowance, now);
-        if allowance < 0.0 {
-            self.shared.counters.floods.add(1);
-            return Err(End::Close(close_code::POLICY, "too many messages"));
-        }
+        self.last_activity = Instant::now();
         match message {
             Message::Text(text) => match Subscription::from_message(text.as_bytes()) {
                 Ok(subscription) => {
@@ -263,6 +254,9 @@ fn message_bytes(message: &Message) -> u64 {
 fn end_of(error: Error) -> End {
     match error.into_inner().downcast_ref::<tungstenite::Error>() {
         Some(tungstenite::Error::Capacity(_)) => End::Close(close_code::SIZE, "the message is too long"),
+        Some(tungstenite::Error::Io(error)) if error.kind() == ErrorKind::QuotaExceeded => {
+            End::Close(close_code::POLICY, "too many messages")
+        }
         Some(tungstenite::Error::Utf8(_)) => End::Close(close_code::INVALID, "text is UTF-8"),
         Some(tungstenite::Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => End::Gone,
         Some(tungstenite::Error::Protocol(_)) => {

@@ -1,24 +1,29 @@
 //! State that the connections of a server share.
 
 use super::access::Names;
+use super::burst::Burst;
+use super::room::Room;
 use super::{Board, ServerOptions};
-use crate::rt::{Counter, Metrics};
+use crate::rt::{Counter, Metrics, monotonic_ns};
 use axum::body::Bytes;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use tokio::sync::watch;
 
-/// State that all connections share.
+/// State that all connections share, and how many of them there may be.
 pub(super) struct Shared {
     pub board: Arc<Board>,
     pub names: Names,
+    pub room: Room,
     pub metrics: Arc<Metrics>,
     pub counters: Counters,
     /// The newest map as PNG and as OpenEXR.
     pub maps: [Arc<tokio::sync::Mutex<Option<EncodedMap>>>; 2],
     options: RwLock<Arc<ServerOptions>>,
     clients: AtomicUsize,
+    /// Requests without the token.
+    strangers: Mutex<Burst>,
     phase: watch::Sender<Phase>,
 }
 
@@ -40,6 +45,8 @@ pub(super) struct Counters {
     pub bad_messages: Counter,
     pub floods: Counter,
     pub silent: Counter,
+    pub left_for_others: Counter,
+    pub too_slow: Counter,
 }
 
 /// The peer of the connection over which a request came.
@@ -62,16 +69,18 @@ pub(super) struct EncodedMap {
 impl Shared {
     /// The shared state of a new server, with the data for clients on `board` and the rules for access in
     /// `options`.
-    pub fn new(board: &Arc<Board>, names: Names, options: ServerOptions) -> Self {
+    pub fn new(board: &Arc<Board>, names: Names, room: Room, options: ServerOptions) -> Self {
         let metrics = Metrics::new("serve");
         Self {
             board: board.clone(),
             names,
+            room,
             counters: Counters::new(&metrics),
             metrics,
             maps: Default::default(),
             options: RwLock::new(Arc::new(options)),
             clients: AtomicUsize::new(0),
+            strangers: Mutex::default(),
             phase: watch::Sender::new(Phase::Serving(0)),
         }
     }
@@ -93,6 +102,25 @@ impl Shared {
         }
     }
 
+    /// Logs that a request had no token, or a wrong one; many of them in sum.
+    pub fn tell_of_stranger(&self, peer: Option<Peer>) {
+        if let Some(count) = self.strangers().note(monotonic_ns()) {
+            let from = peer.map_or("?".to_owned(), |Peer(peer)| peer.ip().to_string());
+            tracing::warn!("{count} requests without the token, the last of them from {from}");
+        }
+    }
+
+    /// Logs what has not been told yet; called now and then.
+    pub fn tell_rest(&self) {
+        if let Some(count) = self.strangers().rest(monotonic_ns()) {
+            tracing::warn!("{count} more requests without the token");
+        }
+    }
+
+    fn strangers(&self) -> MutexGuard<'_, Burst> {
+        self.strangers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Accepts no more clients; sessions are notified.
     pub fn end(&self) {
         self.phase.send_replace(Phase::Ending);
@@ -106,8 +134,9 @@ impl Shared {
         self.clients.load(Ordering::Acquire) as u64
     }
 
-    /// A connection slot for a client, if fewer than `most` are taken.
-    pub fn admit(self: &Arc<Self>, most: usize) -> Option<ConnectionSlot> {
+    /// A connection slot for a client, if fewer than `clients_max` are taken, and there is room for it.
+    pub fn admit(self: &Arc<Self>, clients_max: usize) -> Option<ConnectionSlot> {
+        let most = clients_max.min(self.room.streams);
         self.clients
             .fetch_update(Ordering::AcqRel, Ordering::Acquire, |count| (count < most).then_some(count + 1))
             .ok()
@@ -137,6 +166,8 @@ impl Counters {
             bad_messages: metrics.counter("bad messages"),
             floods: metrics.counter("clients that sent too many messages"),
             silent: metrics.counter("clients that went silent"),
+            left_for_others: metrics.counter("connections that gave their place to others"),
+            too_slow: metrics.counter("answers that were taken too slowly"),
         }
     }
 }

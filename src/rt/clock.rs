@@ -1,7 +1,7 @@
 use super::Shutdown;
 use rustix::time::{ClockId, clock_gettime};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// The current time of the kernel's CLOCK_MONOTONIC, in nanoseconds: the same for all programs of a machine,
@@ -20,18 +20,28 @@ pub fn utc_from_monotonic_ns() -> i64 {
 
 /// The offset from a source's capture times to [`monotonic_ns`], shared by all threads that need it; unknown
 /// until the source has begun, and always under a simulated clock. Clones share the value.
-#[derive(Clone, Debug, Default)]
-pub struct CaptureEpoch(Arc<OnceLock<i64>>);
+#[derive(Clone, Debug)]
+pub struct CaptureEpoch(Arc<AtomicI64>);
+
+/// No offset: 292 years.
+const UNKNOWN: i64 = i64::MIN;
 
 impl CaptureEpoch {
-    /// Sets the offset; only the first call counts.
+    /// Sets the offset, anew where a source goes on after a time in which it had nothing.
     pub fn set(&self, monotonic_from_capture_ns: i64) {
-        let _ = self.0.set(monotonic_from_capture_ns);
+        self.0.store(monotonic_from_capture_ns, Ordering::Release);
     }
 
     /// A capture time on the kernel's monotonic clock.
     pub fn monotonic_ns(&self, capture_time_ns: i64) -> Option<i64> {
-        self.0.get().map(|offset| capture_time_ns.saturating_add(*offset))
+        let offset = self.0.load(Ordering::Acquire);
+        (offset != UNKNOWN).then(|| capture_time_ns.saturating_add(offset))
+    }
+}
+
+impl Default for CaptureEpoch {
+    fn default() -> Self {
+        Self(Arc::new(AtomicI64::new(UNKNOWN)))
     }
 }
 
@@ -127,12 +137,13 @@ mod tests {
     }
 
     #[test]
-    fn an_epoch_is_said_once_for_all_clones() {
+    fn an_epoch_is_that_of_all_clones() {
         let epoch = CaptureEpoch::default();
         assert_eq!(epoch.monotonic_ns(5), None);
         epoch.clone().set(100);
-        epoch.set(200);
         assert_eq!((epoch.monotonic_ns(5), epoch.monotonic_ns(i64::MAX)), (Some(105), Some(i64::MAX)));
+        epoch.set(200);
+        assert_eq!(epoch.clone().monotonic_ns(5), Some(205));
     }
 
     #[test]

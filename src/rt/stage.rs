@@ -1,9 +1,9 @@
 //! The one loop that runs every stage.
 
 use super::link::{Closed, Item, Received, Receiver, Sender};
+use super::waits::Waits;
 use super::{Clock, Metrics, Shutdown};
 use crate::error::{Kind, Result};
-use std::time::Instant;
 
 /// One step between source and client: turns an input into an output. The loop, [`run`], handles the rest:
 /// waiting, links, losses, bad frames, times.
@@ -16,8 +16,9 @@ pub trait Stage: Send {
     /// Fills `output`, a recycled buffer with old contents, from `input`.
     ///
     /// # Errors
-    /// Kind `BadFrame`: this input is lost; it is counted, also in the `lost_before` of the next one. Any
-    /// other kind ends the service.
+    /// Kind `BadFrame`: this input is lost; it is counted, also in the `lost_before` of the next one. Kind
+    /// `NotNow`: the same step is taken again, with growing waits; once an end is asked for, the input is lost.
+    /// Any other kind ends the service.
     fn step(&mut self, input: &Self::Input, output: &mut Self::Output) -> Result<Flow>;
 
     /// Called once, when no step will follow; `is_complete` says whether all inputs were processed.
@@ -192,15 +193,14 @@ where
     O: Outlet,
     S: Stage<Input = I::Item, Output = O::Item>,
 {
+    let mut waits = Waits::new(shutdown, metrics);
     let mut named = Vec::new();
     let mut lost = 0;
     let Ok(mut output) = outlet.take() else { return Ok(Ended::WithOthers) };
     while let Some(mut input) = inlet.receive() {
         metrics.drops.add(input.overwritten());
         input.lose(lost);
-        let started = Instant::now();
-        let flow = stage.step(&input, &mut output);
-        let elapsed_ns = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let (flow, elapsed_ns) = waits.step(|| stage.step(&input, &mut output));
         match flow {
             Ok(Flow::Send) => {}
             Ok(Flow::SendAt { time_ns }) if clock.wait_until(time_ns, shutdown) => {}

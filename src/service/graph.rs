@@ -20,6 +20,9 @@ pub(super) struct Graph {
     aside: Arc<Mutex<Option<Error>>>,
 }
 
+/// Name of the counter that says that an end has gone while the others continue.
+const ENDED: &str = "ended alone";
+
 type Start = Box<dyn FnOnce(&mut Threads) -> Result<()>>;
 
 /// The effect on the others when an end has gone.
@@ -109,6 +112,9 @@ impl Graph {
                 if departure == Departure::EndsAll {
                     shutdown.request();
                     return outcome.map(|_| ());
+                }
+                if !matches!(outcome, Ok(Ended::WithOthers)) {
+                    metrics.counter(ENDED).add(1);
                 }
                 match outcome {
                     Ok(Ended::WithOthers) => {}

@@ -12,16 +12,19 @@
 mod camera;
 mod ends;
 mod graph;
+mod memory;
 mod opened_source;
+mod prepared;
 mod recorder;
 mod summary;
 
 pub use ends::{Ends, ListReader, Output, Pictures};
 pub use opened_source::OpenedSource;
+pub use prepared::Prepared;
 pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
 
-use crate::config::{self, Config, Links, Pace};
+use crate::config::{Config, Links, Pace};
 use crate::design::{RateFilter, low_pass};
 use crate::error::{Error, Result};
 use crate::net::{PostLists, PostMaps};
@@ -29,6 +32,7 @@ use crate::rt::link::{self, Item};
 use crate::rt::{Counter, Metrics, Shutdown};
 use crate::stage;
 use graph::{Departure, Graph, Running};
+use lightcast_core::camera::{FrameToPolar, Response};
 use lightcast_core::image::{Frame, PolarMap};
 use lightcast_core::light::ReferencedList;
 use lightcast_core::light::{Extractor, LightList};
@@ -61,7 +65,7 @@ impl Service {
     /// Kind `Usage` for invalid options, with file and line; those of the source when no frame can be read;
     /// those of opening the output; those of the system for threads and folders.
     pub fn start(config: &Config, ends: Ends, shutdown: &Shutdown) -> Result<Self> {
-        Self::start_with(config, OpenedSource::open(config)?, ends, shutdown)
+        Self::start_prepared(config, Prepared::new(config)?, ends, shutdown)
     }
 
     /// As [`Self::start`], with frames from `source` instead of what `config` names.
@@ -74,30 +78,27 @@ impl Service {
         ends: Ends,
         shutdown: &Shutdown,
     ) -> Result<Self> {
+        Self::start_prepared(config, Prepared::with(config, source)?, ends, shutdown)
+    }
+
+    /// As [`Self::start`], with what was made of `config` before.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn start_prepared(
+        config: &Config,
+        mut prepared: Prepared,
+        ends: Ends,
+        shutdown: &Shutdown,
+    ) -> Result<Self> {
+        let (source, calibrate) = prepared.take_source(config)?;
         let frame_count = source.frame_count();
         let board = ends.board.clone();
-        let running = light_graph(config, source, ends, shutdown)?.start()?;
+        let running = light_graph(config, source, (calibrate, prepared), ends, shutdown)?.start()?;
         if let Some(board) = &board {
             board.show_stages(running.summary.stages().to_vec());
         }
         Ok(Self { running, frame_count })
-    }
-
-    /// Whether a service with this configuration would start, to the extent that this can be checked while
-    /// another one has the camera: some errors show only when the camera is opened.
-    ///
-    /// # Errors
-    /// Those of [`Self::start`].
-    pub fn check(config: &Config) -> Result<()> {
-        extractor(config)?;
-        filter(config)?;
-        camera::calibration(config)?;
-        if matches!(config.source, config::SourceOptions::Sequence(_)) {
-            let source = OpenedSource::open(config)?;
-            camera::frame_to_polar(config, source.format(), source.name())?;
-            taps(config, &source)?;
-        }
-        Ok(())
     }
 
     /// Records the source that `config` names, without making lights.
@@ -109,7 +110,7 @@ impl Service {
         let frame_count = source.frame_count();
         let metrics = Metrics::new("record");
         let record = recorder::recorder(config, options, &source, &metrics)?;
-        let link = recorder::recorder_link(options, source.waits(), &metrics, shutdown);
+        let link = recorder::recorder_link(options.queue, source.waits(), &metrics, shutdown);
         let mut graph = Graph::new(source.clock(config.pace == Pace::Fast), shutdown);
         let frames = source.add_to(&mut graph).copies(link, 1);
         graph.end(metrics, record, frames, Departure::EndsAll);
@@ -176,9 +177,15 @@ impl Service {
 }
 
 /// All stages that make lights of frames, and all recipients of the lights, in the order of the data.
-fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: &Shutdown) -> Result<Graph> {
+fn light_graph(
+    config: &Config,
+    source: OpenedSource,
+    made: Made,
+    mut ends: Ends,
+    shutdown: &Shutdown,
+) -> Result<Graph> {
     let wants_lists = ends.want_lists();
-    let opened = Opened::new(config, &source, &mut ends, shutdown)?;
+    let opened = Opened::new(config, &source, made, &mut ends, shutdown)?;
     let Ends { maps: maps_in, lists: lists_in, board, pictures, readers, .. } = ends;
     // Where clients are served, an end that goes or is slow is its own affair.
     let (waits, departure) = match (&board, config.links) {
@@ -255,6 +262,9 @@ fn light_graph(config: &Config, source: OpenedSource, mut ends: Ends, shutdown: 
 
 type Recorder = (Arc<Metrics>, stage::Record, (link::Sender<Frame>, link::Receiver<Frame>));
 
+/// What was made of a configuration before its source and its ends were opened.
+type Made = ((FrameToPolar, Response), Prepared);
+
 /// Everything that can fail, opened and checked before a thread is started.
 struct Opened {
     calibrate: (Arc<Metrics>, stage::Calibrate),
@@ -267,11 +277,16 @@ struct Opened {
 
 impl Opened {
     /// The output comes last: a start that fails does not touch an existing file.
-    fn new(config: &Config, source: &OpenedSource, ends: &mut Ends, shutdown: &Shutdown) -> Result<Self> {
-        let (frame_to_polar, response) = camera::frame_to_polar(config, source.format(), source.name())?;
+    fn new(
+        config: &Config,
+        source: &OpenedSource,
+        ((frame_to_polar, response), prepared): Made,
+        ends: &mut Ends,
+        shutdown: &Shutdown,
+    ) -> Result<Self> {
         let metrics = Metrics::new("calibrate");
         let calibrate = stage::Calibrate::new(frame_to_polar, response, &metrics);
-        let (light, filter) = (stage::Light(extractor(config)?), stage::Filter(filter(config)?));
+        let (light, filter) = (stage::Light(prepared.light), stage::Filter(prepared.filter));
         let delay_frames = taps(config, source)?.delay_frames();
         let recorder = match &ends.recording {
             None => None,
@@ -280,7 +295,7 @@ impl Opened {
                 let record = recorder::recorder(config, options, source, &metrics)?;
                 // Clients wait for no disk.
                 let waits = source.waits() && ends.board.is_none();
-                let link = recorder::recorder_link(options, waits, &metrics, shutdown);
+                let link = recorder::recorder_link(options.queue, waits, &metrics, shutdown);
                 Some((metrics, record, link))
             }
         };

@@ -148,7 +148,8 @@ impl OpenedSource {
         let ticks = Ticks(shutdown.clone());
         match self.frames {
             Frames::Sequence(sequence) => {
-                let source = stage::Source::new(sequence, &clock, self.epoch);
+                let rate_hz = self.format.frame_rate_hz;
+                let source = stage::Source::new(sequence, rate_hz, (&clock, &shutdown), self.epoch);
                 graph.stage(self.metrics, source, ticks, Frame::default())
             }
             Frames::Camera(camera) => {

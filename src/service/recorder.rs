@@ -69,17 +69,18 @@ pub(super) fn recorder(
     Record::new(options.folder.clone(), recording, table, options.frames_max, metrics)
 }
 
-/// The link to a recorder; `waits` says whether the source waits for it or drops frames.
+/// The link to a recorder for which `queue` frames may wait; `waits` says whether the source waits for it or
+/// drops frames.
 pub(super) fn recorder_link(
-    options: &RecordOptions,
+    queue: usize,
     waits: bool,
     metrics: &Metrics,
     shutdown: &Shutdown,
 ) -> (link::Sender<Frame>, link::Receiver<Frame>) {
     if waits {
-        link::bounded(options.queue, shutdown, Frame::default)
+        link::bounded(queue, shutdown, Frame::default)
     } else {
-        link::lossy(options.queue, metrics.drops.clone(), shutdown, Frame::default)
+        link::lossy(queue, metrics.drops.clone(), shutdown, Frame::default)
     }
 }
 
@@ -98,4 +99,21 @@ fn table(source: &OpenedSource, response: &Response) -> Result<Vec<f32>> {
         );
     }
     Ok(response.table().to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_source_that_does_not_wait_leaves_out_what_a_disk_that_hangs_does_not_take() {
+        let (metrics, shutdown) = (Metrics::new("record"), Shutdown::new());
+        let (mut frames, mut recorder) = recorder_link(3, false, &metrics, &shutdown);
+        for _ in 0..200 {
+            frames.send_copy(&Frame::default()).unwrap();
+        }
+        assert_eq!(metrics.drops.get(), 197);
+        drop(frames);
+        assert_eq!(std::iter::from_fn(|| recorder.receive().map(drop)).count(), 3);
+    }
 }

@@ -1,4 +1,4 @@
-use crate::rt::Metrics;
+use crate::rt::{Metrics, WAITS};
 use crate::stage::ATTEMPTS;
 use std::fmt;
 use std::sync::Arc;
@@ -27,12 +27,13 @@ impl Summary {
         &self.stages
     }
 
-    /// A number that grows as long as the service works: its lists, see [`Self::lists_made`], and the attempts
-    /// to start a camera that is missing.
+    /// A number that grows as long as the service works: its lists, see [`Self::lists_made`], the frames that
+    /// the source had to pass over, and its attempts to get what is missing, such as a camera.
     pub fn progress(&self) -> u64 {
-        let counters = self.stage("source").map(Metrics::counters).unwrap_or_default();
-        let attempts = counters.iter().find(|(name, _)| *name == ATTEMPTS).map_or(0, |counter| counter.1);
-        self.lists_made() + attempts
+        let Some(source) = self.stage("source") else { return self.lists_made() };
+        let is_attempt = |(name, _): &&(&str, u64)| [ATTEMPTS, WAITS].contains(name);
+        let attempts: u64 = source.counters().iter().filter(is_attempt).map(|(_, count)| count).sum();
+        self.lists_made() + source.bad_frames.get() + attempts
     }
 
     /// Number of filtered light lists that are ready for clients; without a board, of those that were made.

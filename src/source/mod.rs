@@ -35,7 +35,8 @@ pub trait FrameSource: Send {
     /// # Errors
     ///
     /// Of kind [`BadFrame`](crate::error::Kind::BadFrame): this frame is lost and the content of `frame` is
-    /// meaningless; the next call continues after it and counts it in `lost_before`. Of any other kind:
-    /// calling again is useless.
+    /// meaningless; the next call continues after it and counts it in `lost_before`. Of kind
+    /// [`NotNow`](crate::error::Kind::NotNow): the next call tries the same again. Of any other kind: calling
+    /// again is useless.
     fn next(&mut self, frame: &mut Frame) -> Result<Next>;
 }

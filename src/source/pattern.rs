@@ -65,13 +65,22 @@ pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
     Ok(files)
 }
 
-/// All names in a folder, sorted, without hidden ones and those that are not Unicode.
+/// Whether an entry is a file, or a link to one, and no folder, pipe or device.
+fn is_file(entry: &fs::DirEntry) -> bool {
+    match entry.file_type() {
+        Ok(kind) if kind.is_symlink() => entry.path().is_file(),
+        kind => kind.is_ok_and(|kind| kind.is_file()),
+    }
+}
+
+/// All names of files in a folder, sorted, without hidden ones and those that are not Unicode.
 fn names(folder: &Path) -> Result<Vec<String>> {
     let entries = fs::read_dir(folder)
         .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
         .map_err(|error| Error::usage("cannot be listed").because(error).at(folder))?;
     let mut names: Vec<String> = entries
         .into_iter()
+        .filter(is_file)
         .filter_map(|entry| entry.file_name().into_string().ok())
         .filter(|name| !name.starts_with('.'))
         .collect();
@@ -222,6 +231,21 @@ mod tests {
         assert_eq!(found(&names, "").unwrap(), expected);
         assert_eq!(found(&["map_1k.hdr", "readme.md"], "").unwrap(), owned(&[(0, "map_1k.hdr")]));
         assert_eq!(found(&["0007.PNG", "0008.PNG"], "").unwrap(), owned(&[(7, "0007.PNG"), (8, "0008.PNG")]));
+    }
+
+    #[test]
+    fn what_is_no_file_is_no_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a.1.exr"), b"").unwrap();
+        fs::create_dir(at("a.2.exr")).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(at("a.3.exr")).status().unwrap().success());
+        std::os::unix::fs::symlink("/dev/zero", at("a.4.exr")).unwrap();
+        std::os::unix::fs::symlink(at("a.1.exr"), at("a.5.exr")).unwrap();
+        let numbers =
+            |path: &Path| files(path).unwrap().into_iter().map(|(number, _)| number).collect::<Vec<_>>();
+        assert_eq!((numbers(folder.path()), numbers(&at("a.#.exr"))), (vec![1, 5], vec![1, 5]));
+        assert!(files(&at("a.3.exr")).is_err());
     }
 
     #[test]

@@ -14,7 +14,7 @@
 mod tests;
 
 use super::{FrameSource, Next, pattern};
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Kind, Place, Result};
 use crate::files::{Attributes, read};
 use crate::rt::Counter;
 use lightcast_core::image::{Bayer, Frame, LatLongCentres, Pixels};
@@ -230,6 +230,7 @@ fn first_readable<'a>(
     for (_, file) in files {
         match read_as(options.bayer, file, frame) {
             Ok(attributes) => return Ok((file, attributes)),
+            Err(error) if error.kind() == Kind::NotNow => return Err(error),
             Err(error) => first_error = first_error.or(Some(error)),
         }
     }
@@ -249,17 +250,20 @@ impl FrameSource for Sequence {
             (self.index, self.pass) = (0, self.pass + 1);
         }
         if self.repeat && self.bad_in_a_row >= self.files.len() {
-            // Without this error, a loop over files that are gone would spin at full speed.
-            return Err(Error::failed(format!(
-                "none of its {} files can be used any more",
-                self.files.len()
-            ))
-            .at(&self.path));
+            // The folder may be away for a while. Every pass is waited for once.
+            self.bad_in_a_row = 0;
+            let message = format!("none of its {} files can be used for now", self.files.len());
+            return Err(Error::not_now(message).at(&self.path));
         }
         let (number, path) = &self.files[self.index];
+        let filled = match self.fill(path, frame) {
+            // The next call reads the same file.
+            Err(error) if error.kind() == Kind::NotNow => return Err(error),
+            filled => filled,
+        };
         self.index += 1;
         self.bad_in_a_row += 1;
-        let Attributes { capture_time_ns, overflowed, .. } = self.fill(path, frame)?;
+        let Attributes { capture_time_ns, overflowed, .. } = filled?;
         self.overflowed.add(overflowed);
         self.bad_in_a_row = 0;
 

@@ -149,14 +149,15 @@ impl Stage for Record {
         }
         let path = self.folder.join(format!("frame.{:06}.exr", frame.stamp.sequence));
         let is_half = self.radiance.is_some();
-        let written = match &mut self.radiance {
-            None => frame,
+        let (written, beyond_half) = match &mut self.radiance {
+            None => (frame, 0),
             Some((table, radiance)) => {
-                self.beyond_half.add(radiance_within_half(frame, table, radiance));
-                radiance
+                let beyond_half = radiance_within_half(frame, table, radiance);
+                (&*radiance, beyond_half)
             }
         };
         write_recorded_exr(&path, written, is_half, self.sidecar.recording.exposure_s, self.lens.as_deref())?;
+        self.beyond_half.add(beyond_half);
         self.sidecar.add(written, is_half);
         if self.sidecar.frames_written == 1 {
             self.write_sidecar()?;

@@ -172,6 +172,24 @@ fn a_flood_of_subscriptions_ends_the_session() {
 }
 
 #[test]
+fn a_message_of_endless_empty_frames_is_a_flood() {
+    let posting = Posting::new(ServerOptions::default());
+    let mut client = posting.client("");
+    // The first part of a text, and empty parts that go on with it.
+    client.get_mut().write_all(&[0x01, 0x81, 0, 0, 0, 0, b'{']).unwrap();
+    let part = [0x00, 0x80, 1, 2, 3, 4].repeat(100);
+    for _ in 0..10 {
+        let _ = client.get_mut().write_all(&part);
+    }
+    assert_eq!(close_code(&mut client), 1008);
+    posting.wait_for_clients(0.0);
+    let floods =
+        "lightcast_stage_events_total{stage=\"serve\",event=\"clients that sent too many messages\"}";
+    assert_eq!(posting.metric(floods), 1.0);
+    still_serves(&posting);
+}
+
+#[test]
 fn a_port_in_use_is_told_with_what_to_do() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();

@@ -8,6 +8,8 @@ mod program;
 #[expect(dead_code, reason = "not all of it is needed here")]
 #[path = "../run_replay/recording.rs"]
 mod recording;
+mod scarce;
 mod service;
 mod soak;
+mod stopped;
 mod streams;

@@ -2,6 +2,7 @@
 
 use super::Arguments;
 use crate::cli::input::{Input, open_lists};
+use crate::cli::messages::print;
 use crate::config::{Config, Links, Pace};
 use crate::error::{Error, Result};
 use crate::net::{Client, ClientOptions};
@@ -11,7 +12,6 @@ use crate::service::{Ends, Service, Summary};
 use crate::wire::{self, ListFile};
 use lightcast_core::image::{PolarMap, PolarShape};
 use lightcast_core::light::LightList;
-use std::io::{self, Write as _};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -131,7 +131,7 @@ impl Making {
                 (Summary::of(vec![received, reader]), client.join(wait, || ()))
             }
         };
-        let _ = write!(io::stderr(), "{summary}");
+        print(&summary.to_string());
         outcome
     }
 }

@@ -4,7 +4,7 @@ use crate::compare::still_methods::SHAPE;
 use crate::config::{Config, Links, Pace, SourceOptions};
 use crate::error::{Error, Kind, Result};
 use crate::rt::{Shutdown, link};
-use crate::service::{Ends, Service};
+use crate::service::{Ends, Prepared, Service};
 use crate::source::{FrameSource, Next, Sequence, SequenceOptions};
 use glam::DMat3;
 use lightcast_core::camera::{FrameToPolar, Projection, Response};
@@ -84,7 +84,7 @@ fn configuration(path: &Path) -> Result<(Config, (usize, f64))> {
             .at(path));
         }
     };
-    Service::check(&config)?;
+    Prepared::new(&config)?;
     Ok((config, length))
 }
 

@@ -1,13 +1,15 @@
 //! `run --listen`: a service whose configuration can be reloaded (SIGHUP) while its clients stay connected.
 
+use super::output_file::OutputFile;
+use super::reload::Aside;
 use super::systemd::Watchdog;
-use super::{Arguments, OutputFile, ends, watch};
+use super::{Arguments, ends, watch};
 use crate::cli::signals::SignalWatch;
 use crate::config::Config;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::net::{Board, Server, ServerOptions};
 use crate::rt::{BackOff, Shutdown};
-use crate::service::{Service, Summary};
+use crate::service::{Prepared, Service, Summary};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,7 +21,7 @@ pub(super) struct Serving<'a> {
     pub shutdown: &'a Shutdown,
     pub board: &'a Arc<Board>,
     pub server: &'a Server,
-    pub output: OutputFile<'a>,
+    pub output: OutputFile,
     pub watchdog: Watchdog,
 }
 
@@ -29,11 +31,15 @@ impl Serving<'_> {
     /// # Errors
     /// When the first cannot start, and when one fails.
     pub fn serve(mut self, mut config: Config) -> Result<()> {
-        let mut service = self.start(&config, self.arguments.record.clone())?;
+        let first = config.clone();
+        let Some(prepared) = self.wait_for(Aside::start(move || Prepared::new(&first))?) else {
+            return Ok(());
+        };
+        let mut service = self.start(&config, prepared?, self.arguments.record.clone())?;
         while let Some(next) = self.run(service)? {
             let before = std::mem::replace(&mut config, next.config);
             let record = self.arguments.record.as_deref().map(next_folder);
-            service = match self.start(&config, record.clone()) {
+            service = match self.start(&config, next.prepared, record.clone()) {
                 Ok(service) => {
                     self.server.set_options(next.options);
                     service
@@ -50,10 +56,15 @@ impl Serving<'_> {
         Ok(())
     }
 
-    fn start(&self, config: &Config, record: Option<PathBuf>) -> Result<(Service, Shutdown)> {
+    fn start(
+        &self,
+        config: &Config,
+        prepared: Prepared,
+        record: Option<PathBuf>,
+    ) -> Result<(Service, Shutdown)> {
         let ending = Shutdown::new();
         let ends = ends(self.arguments, record, self.output.output(&ending), Some(self.board));
-        Ok((Service::start(config, ends, &ending)?, ending))
+        Ok((Service::start_prepared(config, prepared, ends, &ending)?, ending))
     }
 
     /// Starts with a configuration that has worked before: if it fails now, a device is missing, and is
@@ -62,7 +73,11 @@ impl Serving<'_> {
         let mut attempts = BackOff::new(FIRST_WAIT, LONGEST_WAIT);
         loop {
             attempts.attempt();
-            match self.start(config, record.map(Path::to_owned)) {
+            let again = config.clone();
+            let prepared = self.wait_for(Aside::start(move || Prepared::new(&again)).ok()?)?;
+            let started =
+                prepared.and_then(|prepared| self.start(config, prepared, record.map(Path::to_owned)));
+            match started {
                 Ok(started) => return Some(started),
                 Err(error) => tracing::warn!("{error}; trying again in {} s", attempts.wait().as_secs_f64()),
             }
@@ -70,13 +85,26 @@ impl Serving<'_> {
                 return None;
             }
             if self.signals.take_hangup() {
-                match self.reload() {
-                    Ok(next) => {
+                match self.reload().and_then(|reload| self.wait_for(reload).transpose()) {
+                    Ok(Some(next)) => {
                         *config = next.config;
                         self.server.set_options(next.options);
                     }
+                    Ok(None) => return None,
                     Err(error) => tracing::error!("the configuration is not taken: {error}"),
                 }
+            }
+        }
+    }
+
+    /// Waits for work that is done aside while no service runs; `None`: the program should end.
+    fn wait_for<T: Send + 'static>(&self, mut aside: Aside<T>) -> Option<Result<T>> {
+        loop {
+            if let Some(outcome) = aside.poll() {
+                return Some(outcome);
+            }
+            if self.shutdown.wait(GLANCE) {
+                return None;
             }
         }
     }
@@ -84,6 +112,7 @@ impl Serving<'_> {
     /// Runs one service until its end; returns what to continue with, if there is anything.
     fn run(&mut self, (service, ending): (Service, Shutdown)) -> Result<Option<Next>> {
         let mut next = None;
+        let mut reload = None;
         let summary = service.summary().with(self.server.metrics().clone());
         let outcome = watch(service, &summary, "lists", Summary::lists_made, |summary| {
             if next.is_none() {
@@ -93,19 +122,10 @@ impl Serving<'_> {
                 ending.abort();
             } else if self.shutdown.is_requested() {
                 ending.request();
-            } else if next.is_none() && self.signals.take_hangup() {
-                self.watchdog.reloading();
-                match self.reload() {
-                    Ok(reloaded) => {
-                        tracing::info!("{}: taken anew", self.arguments.config.path().display());
-                        next = Some(reloaded);
-                        self.watchdog.starts_anew();
-                        ending.request();
-                    }
-                    Err(error) => {
-                        tracing::error!("the configuration is not taken, the old one stays: {error}");
-                        self.watchdog.stays();
-                    }
+            } else if next.is_none() {
+                next = self.look_for_reload(&mut reload);
+                if next.is_some() {
+                    ending.request();
                 }
             }
         });
@@ -120,12 +140,51 @@ impl Serving<'_> {
         }
     }
 
-    /// The configuration as its file is now, if a service could run with it.
-    fn reload(&self) -> Result<Next> {
-        let config = Config::load(self.arguments.config.path())?;
-        let options = config.server_options()?;
-        Service::check(&config)?;
-        Ok(Next { config, options })
+    /// Starts to reload where SIGHUP came, and looks what has come of it; returns a configuration with which
+    /// the service is to start anew.
+    fn look_for_reload(&mut self, reload: &mut Option<Aside<Next>>) -> Option<Next> {
+        // A signal that comes meanwhile waits.
+        let is_busy = reload.as_ref().is_some_and(Aside::is_waited_for);
+        if !is_busy && self.signals.take_hangup() {
+            self.output.rotate();
+            self.watchdog.reloading();
+            let hangs = reload.as_ref().is_some_and(Aside::hangs);
+            let started = match hangs {
+                true => Err(Error::failed("the one before is still being prepared")),
+                false => self.reload(),
+            };
+            match started {
+                Ok(started) => *reload = Some(started),
+                Err(error) => self.stay(&error),
+            }
+        }
+        match reload.as_mut()?.poll()? {
+            Ok(next) => {
+                tracing::info!("{}: taken anew", self.arguments.config.path().display());
+                self.watchdog.starts_anew();
+                Some(next)
+            }
+            Err(error) => {
+                self.stay(&error);
+                None
+            }
+        }
+    }
+
+    fn stay(&self, error: &Error) {
+        tracing::error!("the configuration is not taken, the old one stays: {error}");
+        self.watchdog.stays();
+    }
+
+    /// Begins to read the configuration as its file is now, and to make of it what a service needs.
+    fn reload(&self) -> Result<Aside<Next>> {
+        let path = self.arguments.config.path().to_owned();
+        Aside::start(move || {
+            let config = Config::load(&path)?;
+            let options = config.server_options()?;
+            let prepared = Prepared::new(&config)?;
+            Ok(Next { config, options, prepared })
+        })
     }
 }
 
@@ -133,7 +192,11 @@ impl Serving<'_> {
 struct Next {
     config: Config,
     options: ServerOptions,
+    prepared: Prepared,
 }
+
+/// How often work aside is looked at while no service runs.
+const GLANCE: Duration = Duration::from_millis(20);
 
 /// Waits between attempts to start with a configuration that has worked: the first, which is doubled after
 /// every attempt, and the longest.

@@ -3,6 +3,11 @@
 
 use crate::service::Summary;
 use sd_notify::NotifyState;
+use std::ffi::OsStr;
+use std::io;
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::{Duration, Instant};
 
 /// Tells systemd how a run progresses. The watchdog gets a keep-alive only on progress, never by time alone,
@@ -63,8 +68,24 @@ impl Watchdog {
     }
 }
 
+/// The variable with the name of systemd's socket: a path, or `@` and an abstract name.
+const SOCKET: &str = "NOTIFY_SOCKET";
+
 fn tell(state: &[NotifyState]) {
-    if let Err(error) = sd_notify::notify(state) {
+    let Some(name) = std::env::var_os(SOCKET) else { return };
+    let text: String = state.iter().map(|state| format!("{state}\n")).collect();
+    if let Err(error) = send(&name, &text) {
         tracing::warn!("systemd cannot be told {state:?}: {error}");
     }
+}
+
+/// Sends a text to a socket; does not wait for one that takes nothing.
+fn send(name: &OsStr, text: &str) -> io::Result<()> {
+    let address = match name.as_bytes() {
+        [b'@', name @ ..] => SocketAddr::from_abstract_name(name)?,
+        _ => SocketAddr::from_pathname(name)?,
+    };
+    let socket = UnixDatagram::unbound()?;
+    socket.set_nonblocking(true)?;
+    socket.send_to_addr(text.as_bytes(), &address).map(|_| ())
 }

@@ -1,9 +1,8 @@
-use crate::cli::messages::PROGRESS;
+use crate::cli::messages::print;
 use crate::rt::{monotonic_ns, utc_from_monotonic_ns};
 use crate::wire::Message;
 use lightcast_core::light::LightList;
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
 
 /// What has arrived since the last line was printed.
@@ -74,10 +73,7 @@ impl Tally {
     fn tell(&mut self, bytes: u64, elapsed: Duration) {
         if self.is_told {
             let line = self.line(bytes, elapsed.as_secs_f64());
-            // Nothing can be done if even messages cannot be written.
-            PROGRESS.suspend(|| {
-                let _ = writeln!(io::stderr(), "{line}");
-            });
+            print(&format!("{line}\n"));
         }
         (self.lists, self.lost, self.bytes_before) = (0, 0, bytes);
         self.ages_ns.clear();
