@@ -5,24 +5,25 @@ use crate::error::{Error, Result};
 use crate::scene::read::notes::add_note;
 use crate::scene::{Channel, Interpolation, Keys, Scene, Transform};
 use glam::{Quat, Vec3};
-use gltf::Gltf;
 use gltf::animation::Property;
 
 /// Most keys of all channels together.
 const MAX_KEYS: usize = 1 << 22;
 
 /// Reads the channels of all animations that move nodes of the scene. `places` maps every node of the file to
-/// its index in the scene.
+/// its index in the scene, `numbers` every channel
+/// of an animation to its number in the file.
 pub(super) fn read(
-    gltf: &Gltf,
+    gltf: &gltf::Document,
+    numbers: &[Vec<usize>],
     buffers: &Buffers,
     places: &[Option<usize>],
     scene: &mut Scene,
 ) -> Result<()> {
     let mut keys_left = MAX_KEYS;
-    for animation in gltf.animations() {
+    for (animation, numbers) in gltf.animations().zip(numbers) {
         let first = scene.channels.len();
-        for (number, channel) in animation.channels().enumerate() {
+        for (channel, number) in animation.channels().zip(numbers) {
             let Some(node) = places[channel.target().node().index()] else { continue };
             if channel.target().property() == Property::MorphTargetWeights {
                 add_note(&mut scene.notes, "animation of morph targets left out");
