@@ -1,10 +1,9 @@
 //! glTF 2.0: `.glb`, and `.gltf` with its buffers and pictures in files beside it or in data URIs.
 //!
 //! What is read: the default scene (without one, all root nodes), triangles, strips and fans, the
-//! metallic-roughness material, `TEXCOORD_0`, `COLOR_0`, sparse accessors, animation of nodes, the first
-//! perspective camera, `KHR_mesh_quantization`, `KHR_texture_transform` and
-//! `KHR_materials_emissive_strength`. What is left out, with a note: skins and morph targets (the mesh is
-//! shown as it lies in the file), points and lines, second texture coordinates, blending (drawn where alpha
+//! metallic-roughness material, `TEXCOORD_0`, `COLOR_0`, sparse accessors, animation of nodes, skins and
+//! morph targets (positions and normals), the first perspective camera, `KHR_mesh_quantization`, `KHR_texture_transform` and
+//! `KHR_materials_emissive_strength`. What is left out, with a note: points and lines, second texture coordinates, blending (drawn where alpha
 //! >= 1/2), occlusion textures (see [`Material`](crate::scene::Material)), other extensions.
 //!
 //! What is left out does not decide whether the rest loads: it is removed before the document is checked. A
@@ -17,6 +16,9 @@ mod cut_down;
 mod document;
 #[cfg(test)]
 mod fault_tests;
+mod figure;
+#[cfg(test)]
+mod figure_tests;
 #[cfg(test)]
 mod left_out_tests;
 mod material;
@@ -54,9 +56,12 @@ pub(super) fn read(bytes: &[u8], mut files: Files) -> Result<Scene> {
         buffers: &buffers,
         budget: Budget::default(),
         meshes: HashMap::new(),
+        deformations: HashMap::new(),
+        pending: Vec::new(),
         scene,
     };
     let places = reader.nodes(gltf)?;
+    reader.figures(gltf, &places)?;
     let Reader { materials, mut scene, .. } = reader;
     (scene.materials, scene.textures) = (materials.materials, materials.textures);
     for note in materials.notes {
@@ -103,7 +108,18 @@ struct Reader<'a> {
     budget: Budget,
     /// The scene's meshes for each mesh of the file: one for each primitive with triangles.
     meshes: HashMap<usize, Vec<usize>>,
+    /// The deformation of a mesh of the scene.
+    deformations: HashMap<usize, usize>,
+    pending: Vec<Pending>,
     scene: Scene,
+}
+
+/// An instance whose vertices can move.
+struct Pending {
+    instance: usize,
+    deformation: usize,
+    /// The file's node.
+    node: usize,
 }
 
 impl Reader<'_> {
@@ -145,12 +161,6 @@ impl Reader<'_> {
             let roles = own.or(parent.map(|parent| all_roles[parent])).unwrap_or(Roles::ALL);
             all_roles.push(roles);
             if let Some(mesh) = node.mesh() {
-                if node.skin().is_some() {
-                    add_note(
-                        &mut self.scene.notes,
-                        "skins left out: their meshes stand still, as they lie in the file",
-                    );
-                }
                 let meshes = self.mesh(&mesh)?;
                 if self.scene.instances.len() + meshes.len() > MAX_NODES {
                     return Err(Error::usage(format!(
@@ -158,6 +168,10 @@ impl Reader<'_> {
                     )));
                 }
                 for mesh in meshes {
+                    if let Some(&deformation) = self.deformations.get(&mesh) {
+                        let instance = self.scene.instances.len();
+                        self.pending.push(Pending { instance, deformation, node: number });
+                    }
                     self.scene.instances.push(Instance { mesh, node: place, roles });
                 }
             }
@@ -183,7 +197,11 @@ impl Reader<'_> {
         for primitive in mesh.primitives() {
             let name = mesh.name().map(|name| format!(" `{}`", short(name))).unwrap_or_default();
             let place = format!("mesh {}{name}, primitive {}", mesh.index(), primitive.index());
-            if let Some(mesh) = self.primitive(&primitive, &place)? {
+            if let Some((mesh, deformation)) = self.primitive(&primitive, &place)? {
+                if let Some(deformation) = deformation {
+                    self.deformations.insert(self.scene.meshes.len(), self.scene.deformations.len());
+                    self.scene.deformations.push(deformation);
+                }
                 self.scene.meshes.push(mesh);
                 places.push(self.scene.meshes.len() - 1);
             }

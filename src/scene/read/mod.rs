@@ -13,7 +13,7 @@ pub use budget::{MAX_TRIANGLES, MAX_VERTICES};
 pub use files::MAX_BYTES;
 pub(super) use files::short;
 
-use super::Scene;
+use super::{Pose, Scene};
 use crate::error::{Error, Result};
 use files::{Files, contained};
 use glam::Mat4;
@@ -28,7 +28,7 @@ impl Scene {
     ///
     /// | file | what is read |
     /// |---|---|
-    /// | glTF 2.0, `.glb` or `.gltf` | the default scene: meshes, metal-rough materials, textures, animation of nodes, the first camera |
+    /// | glTF 2.0, `.glb` or `.gltf` | the default scene: meshes, metal-rough materials, textures, animation of nodes, skins and morph targets, the first camera |
     /// | Wavefront `.obj` | polygons, normals, texture coordinates, vertex colours; from `.mtl`: `Kd`, `Ks`, `Ns`, `Ke`, `d`, `map_Kd` |
     /// | `.ply`, ascii or binary | polygons, normals, texture coordinates, vertex colours |
     ///
@@ -77,11 +77,11 @@ fn check_whole(scene: &Scene) -> Result<()> {
             if scene.notes.is_empty() { String::new() } else { format!(": {}", scene.notes.join("; ")) };
         return Err(Error::usage(format!("has no triangle to show{notes}")));
     }
-    let mut world_from_mesh = Vec::new();
-    scene.pose(0.0, &mut world_from_mesh);
-    let bounds = scene.bounds(&world_from_mesh);
+    let mut pose = Pose::default();
+    scene.pose(0.0, &mut pose);
+    let bounds = scene.bounds(&pose);
     let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
-    if largest.is_nan() || largest > MAX_COORDINATE || world_from_mesh.contains(&Mat4::ZERO) {
+    if largest.is_nan() || largest > MAX_COORDINATE || pose.world_from_mesh().contains(&Mat4::ZERO) {
         return Err(Error::usage(format!(
             "reaches from {} to {}; coordinates are read up to {MAX_COORDINATE:e}: scale it down",
             bounds.min, bounds.max

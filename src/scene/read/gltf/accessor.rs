@@ -72,6 +72,25 @@ pub(super) fn indices(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<u32>
     read().map_err(|error| error.at(format_args!("accessor {}", accessor.index())))
 }
 
+/// Four numbers of joints for each element.
+pub(super) fn joints(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<[u16; 4]>> {
+    let read = || {
+        let (from, size): (fn(&[u8]) -> u16, usize) = match (accessor.dimensions(), accessor.data_type()) {
+            (Dimensions::Vec4, DataType::U8) => (|b| u16::from(b[0]), 1),
+            (Dimensions::Vec4, DataType::U16) => (|b| u16::from_le_bytes([b[0], b[1]]), 2),
+            (dimensions, data_type) => {
+                return Err(Error::usage(format!("has no joints but {dimensions:?} of {data_type:?}")));
+            }
+        };
+        let bytes = elements(accessor, buffers)?;
+        Ok(bytes
+            .chunks_exact(4 * size)
+            .map(|four| std::array::from_fn(|i| from(&four[i * size..])))
+            .collect())
+    };
+    read().map_err(|error| error.at(format_args!("accessor {}", accessor.index())))
+}
+
 /// The elements one after another, without gaps, sparse ones substituted.
 fn elements<'a>(accessor: &Accessor, buffers: &'a Buffers) -> Result<Cow<'a, [u8]>> {
     let (count, size) = (accessor.count(), accessor.size());

@@ -1,7 +1,7 @@
 //! What nodes of glTF files say of themselves: transforms, roles, cameras.
 
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Instance, Roles, Scene, Transform};
+use crate::scene::{Camera, Instance, Pose, Roles, Scene, Transform};
 use glam::{Mat4, Quat, Vec3, Vec4};
 
 /// A node's transform.
@@ -55,9 +55,9 @@ pub(super) fn camera(gltf: &gltf::Document, places: &[Option<usize>], scene: &Sc
             gltf::camera::Projection::Orthographic(_) => None,
         }
     })?;
-    let mut world_from_mesh = Vec::new();
-    scene.pose(0.0, &mut world_from_mesh);
-    let centre = scene.bounds(&world_from_mesh).centre();
+    let mut pose = Pose::default();
+    scene.pose(0.0, &mut pose);
+    let centre = scene.bounds(&pose).centre();
     // The same tree with the camera as its only instance.
     let at_node = Scene {
         nodes: scene.nodes.clone(),
@@ -65,8 +65,8 @@ pub(super) fn camera(gltf: &gltf::Document, places: &[Option<usize>], scene: &Sc
         instances: vec![Instance { mesh: 0, node, roles: Roles::NONE }],
         ..Scene::default()
     };
-    at_node.pose(0.0, &mut world_from_mesh);
-    let matrix = world_from_mesh[0];
+    at_node.pose(0.0, &mut pose);
+    let matrix = pose.world_from_mesh()[0];
     let eye = matrix.w_axis.truncate();
     let forward = (-matrix.z_axis.truncate()).try_normalize()?;
     let up = matrix.y_axis.truncate().try_normalize()?;

@@ -2,24 +2,26 @@
 
 use super::Reader;
 use super::accessor::{floats, indices, quantized};
+use super::figure;
 use crate::error::{Error, Result};
 use crate::scene::mesh::{check, drop_zero_area};
 use crate::scene::normals::{fill_normals, flat};
 use crate::scene::read::notes::{add_note, normal_notes};
-use crate::scene::{Mesh, Vertex};
+use crate::scene::{Deformation, Mesh, Vertex};
 use gltf::Semantic;
 use gltf::mesh::Mode;
 
 impl Reader<'_> {
-    /// A primitive's triangles; `None` where no triangle has an area.
-    pub(super) fn primitive(&mut self, primitive: &gltf::Primitive, place: &str) -> Result<Option<Mesh>> {
+    /// A primitive's triangles, and how they can move; `None` where no triangle has an area.
+    pub(super) fn primitive(
+        &mut self,
+        primitive: &gltf::Primitive,
+        place: &str,
+    ) -> Result<Option<(Mesh, Option<Deformation>)>> {
         let at_place = |error: Error| error.at(place);
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             add_note(&mut self.scene.notes, "points and lines left out");
             return Ok(None);
-        }
-        if primitive.morph_targets().next().is_some() {
-            add_note(&mut self.scene.notes, "morph targets left out");
         }
         let Some(positions) = primitive.get(&Semantic::Positions) else {
             add_note(&mut self.scene.notes, "primitives without positions left out");
@@ -34,6 +36,8 @@ impl Reader<'_> {
             if has_normals { positions.count() } else { positions.count().max(triangles.saturating_mul(3)) };
         self.budget.take(most, triangles).map_err(at_place)?;
 
+        self.budget.take_movers(most, figure::movers(primitive)).map_err(at_place)?;
+
         let mut vertices = self.vertices(primitive, &positions).map_err(at_place)?;
         let corners = match primitive.indices() {
             Some(accessor) => indices(&accessor, self.buffers).map_err(at_place)?,
@@ -41,7 +45,9 @@ impl Reader<'_> {
         };
         let mut indices = triangles_of(primitive.mode(), corners);
         check(&vertices, &indices).map_err(at_place)?;
-        let dropped = drop_zero_area(&vertices, &mut indices);
+        let mut deformation = self.deformation(primitive, vertices.len()).map_err(at_place)?;
+        // A triangle without area may have one when its corners have moved.
+        let dropped = if deformation.is_none() { drop_zero_area(&vertices, &mut indices) } else { 0 };
         if indices.is_empty() {
             add_note(&mut self.scene.notes, format!("{place} left out: it has no triangle with an area"));
             return Ok(None);
@@ -50,13 +56,14 @@ impl Reader<'_> {
         if has_normals {
             given = fill_normals(&mut vertices, &indices);
         } else {
+            deformation = deformation.map(|deformation| deformation.of_corners(vertices.len(), &indices));
             (vertices, indices) = flat(&vertices, &indices);
         }
         let mut notes = Vec::new();
         normal_notes(&mut notes, dropped, given);
         self.scene.notes.extend(notes.into_iter().map(|note| format!("{place}: {note}")));
         let material = self.materials.place(&primitive.material(), self.buffers)?;
-        Ok(Some(Mesh::new(vertices, indices, material)))
+        Ok(Some((Mesh::new(vertices, indices, material), deformation)))
     }
 
     fn vertices(&self, primitive: &gltf::Primitive, positions: &gltf::Accessor) -> Result<Vec<Vertex>> {
