@@ -7,6 +7,13 @@ struct Instance {
     receives: u32,
 }
 
+// From a vertex's texture coordinates to those of a texture.
+struct UvTransform {
+    // Where steps along u and v lead: two vectors.
+    axes: vec4f,
+    offset: vec2f,
+}
+
 struct Material {
     base_colour: vec4f,
     // Phong only: reflectance of the lobe.
@@ -19,6 +26,10 @@ struct Material {
     // Pixels with less alpha are discarded; negative: none.
     alpha_cutoff: f32,
     has_normal_map: u32,
+    base_colour_uv: UvTransform,
+    metallic_roughness_uv: UvTransform,
+    normal_uv: UvTransform,
+    emissive_uv: UvTransform,
 }
 
 @group(1) @binding(0) var<uniform> material: Material;
@@ -28,6 +39,11 @@ struct Material {
 @group(1) @binding(4) var normal_map: texture_2d<f32>;
 @group(1) @binding(5) var emissive_map: texture_2d<f32>;
 
+fn transformed(uv: vec2f, by: UvTransform) -> vec2f {
+    return by.axes.xy * uv.x + by.axes.zw * uv.y + by.offset;
+}
+
 fn base_colour(uv: vec2f, colour: vec4f) -> vec4f {
-    return material.base_colour * colour * textureSample(base_colour_map, texture_sampler, uv);
+    let place = transformed(uv, material.base_colour_uv);
+    return material.base_colour * colour * textureSample(base_colour_map, texture_sampler, place);
 }

@@ -8,7 +8,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use lightcast::error::Kind;
-use lightcast::scene::Scene;
+use lightcast::scene::{Pose, Scene};
 use std::fs;
 use std::io::Write;
 use std::path::Path;
@@ -42,13 +42,14 @@ fn peak_resident_mb() -> Option<u64> {
 
 /// Computes poses and the bounds of a scene that was read, and checks that all numbers are valid.
 fn use_scene(scene: &Scene) {
-    let mut world_from_mesh = Vec::new();
+    let mut pose = Pose::default();
     for time_s in [0.0, 0.3 * scene.duration_s(), scene.duration_s()] {
-        scene.pose(time_s, &mut world_from_mesh);
-        assert!(world_from_mesh.iter().all(|matrix| matrix.is_finite()));
+        scene.pose(time_s, &mut pose);
+        assert!(pose.vertices().iter().all(|vertex| vertex.position.iter().all(|x| x.is_finite())));
+        assert!(pose.world_from_mesh().iter().all(|matrix| matrix.is_finite()));
     }
-    scene.pose(0.0, &mut world_from_mesh);
-    assert!(scene.bounds(&world_from_mesh).radius().is_finite());
+    scene.pose(0.0, &mut pose);
+    assert!(scene.bounds(&pose).radius().is_finite());
     for mesh in &scene.meshes {
         assert!(mesh.indices.iter().all(|index| (*index as usize) < mesh.vertices.len()));
         assert!(mesh.vertices.iter().all(|vertex| {

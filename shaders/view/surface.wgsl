@@ -76,13 +76,16 @@ fn fragment(in: Varyings) -> Surface {
     // Derivatives and samples first: they need all four pixels of a quad.
     let dp_dx = dpdx(in.from_eye);
     let dp_dy = dpdy(in.from_eye);
-    let duv_dx = dpdx(in.uv);
-    let duv_dy = dpdy(in.uv);
+    let normal_uv = transformed(in.uv, material.normal_uv);
+    let duv_dx = dpdx(normal_uv);
+    let duv_dy = dpdy(normal_uv);
     let base = base_colour(in.uv, in.colour);
-    let metal_rough = textureSample(metallic_roughness_map, texture_sampler, in.uv);
-    let normal_sample = textureSample(normal_map, texture_sampler, in.uv).xyz;
+    let metal_rough_uv = transformed(in.uv, material.metallic_roughness_uv);
+    let metal_rough = textureSample(metallic_roughness_map, texture_sampler, metal_rough_uv);
+    let normal_sample = textureSample(normal_map, texture_sampler, normal_uv).xyz;
+    let emissive_uv = transformed(in.uv, material.emissive_uv);
     // Halves cannot hold larger values.
-    let emission = min(material.emissive * textureSample(emissive_map, texture_sampler, in.uv).xyz, vec3f(65504.0));
+    let emission = min(material.emissive * textureSample(emissive_map, texture_sampler, emissive_uv).xyz, vec3f(65504.0));
     if base.a < material.alpha_cutoff {
         discard;
     }

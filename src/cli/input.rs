@@ -87,6 +87,7 @@ impl Input {
     /// Lists begin with a brace, pictures with a magic number.
     fn of_first_bytes(bytes: &[u8]) -> Result<Self> {
         let path = PathBuf::from(STANDARD_INPUT);
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         match bytes.trim_ascii_start() {
             [] | [b'{', ..] => Ok(Self::Lists(path)),
             [0x76, 0x2f, 0x31, 0x01, ..] | [b'#', b'?', ..] => Ok(Self::Panorama(path)),

@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 const PIPE_WITHIN: Duration = Duration::from_secs(5);
 
 /// Reads a file that people write, `most` + 1 bytes of it at most, so that a caller who gets more than `most`
-/// knows that it is too long: a device may have no end. A pipe (`<(...)` in a shell) is read too.
+/// knows that it is too long: a device may have no end. A pipe (`<(...)` in a shell) is read too. A byte
+/// order mark, which programs on Windows put before a text, is taken off.
 ///
 /// # Errors
 /// Those of the file; `TimedOut` for a pipe into which nobody writes for five seconds.
@@ -18,11 +19,15 @@ pub fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let flags = OFlags::NONBLOCK.bits() as i32;
     let file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
     let is_file = file.metadata()?.is_file();
+    let without_mark = |bytes: Vec<u8>| match bytes.strip_prefix(b"\xef\xbb\xbf") {
+        Some(text) => text.to_vec(),
+        None => bytes,
+    };
     let mut reader = (&file).take(most.saturating_add(1));
     let mut bytes = Vec::new();
     if is_file {
         reader.read_to_end(&mut bytes)?;
-        return Ok(bytes);
+        return Ok(without_mark(bytes));
     }
     let deadline = Instant::now() + PIPE_WITHIN;
     loop {
@@ -33,7 +38,7 @@ pub fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
         }
         // Bytes that came before a pipe ran dry are kept.
         match reader.read_to_end(&mut bytes) {
-            Ok(_) => return Ok(bytes),
+            Ok(_) => return Ok(without_mark(bytes)),
             Err(error) if error.kind() == ErrorKind::WouldBlock => {}
             Err(error) => return Err(error),
         }

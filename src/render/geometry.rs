@@ -1,10 +1,12 @@
-//! A scene on the device: vertices and triangles are uploaded once, matrices in every frame.
+//! A scene on the device: vertices and triangles are uploaded once, matrices and the vertices of figures in
+//! every frame.
 
 use crate::error::{Error, Result};
 use crate::gpu::{Array, Gpu};
-use crate::scene::{Bounds, Roles, Scene, Vertex};
+use crate::scene::{Bounds, Pose, Roles, Scene, Vertex};
 use bytemuck::{Pod, Zeroable};
 use glam::Mat4;
+use std::collections::HashMap;
 use std::ops::Range;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
@@ -58,6 +60,8 @@ pub(super) struct Geometry {
     pub casters: Bounds,
     pub all: Bounds,
     posed: Vec<Instance>,
+    /// Where the vertices of the figures begin, in bytes.
+    figures_at: u64,
 }
 
 impl Geometry {
@@ -71,23 +75,24 @@ impl Geometry {
             ranges.push((indices.len(), vertices.len()));
             vertices.extend_from_slice(&mesh.vertices);
             indices.extend_from_slice(&mesh.indices);
-            // Index ranges and base vertices are 32 bits wide, the latter signed.
-            if size_of_val(&*vertices) > most
-                || size_of_val(&*indices) > most
-                || i32::try_from(vertices.len()).is_err()
-                || u32::try_from(indices.len()).is_err()
-            {
-                return Err(Error::failed(format!(
-                    "the scene has more triangles than the device holds ({most} bytes a buffer)"
-                )));
-            }
+            check_room(&vertices, &indices, most)?;
+        }
+        // Figures have vertices of their own, each as many as its mesh.
+        let figures_at = size_of_val(&*vertices) as u64;
+        let mut own_vertices = HashMap::new();
+        for figure in &scene.figures {
+            own_vertices.insert(figure.instance, vertices.len());
+            vertices.extend_from_slice(&scene.meshes[scene.instances[figure.instance].mesh].vertices);
+            check_room(&vertices, &indices, most)?;
         }
         let draws = scene
             .instances
             .iter()
-            .map(|instance| {
+            .enumerate()
+            .map(|(number, instance)| {
                 let mesh = &scene.meshes[instance.mesh];
                 let (first_index, first_vertex) = ranges[instance.mesh];
+                let first_vertex = own_vertices.get(&number).copied().unwrap_or(first_vertex);
                 Draw {
                     indices: first_index as u32..(first_index + mesh.indices.len()) as u32,
                     base_vertex: first_vertex as i32,
@@ -108,20 +113,28 @@ impl Geometry {
             gpu.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
         };
         Ok(Self {
-            vertices: buffer("vertices", bytemuck::cast_slice(&vertices), wgpu::BufferUsages::VERTEX),
+            vertices: buffer(
+                "vertices",
+                bytemuck::cast_slice(&vertices),
+                wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+            ),
             indices: buffer("indices", bytemuck::cast_slice(&indices), wgpu::BufferUsages::INDEX),
             instances: Array::new(gpu, "instances", wgpu::BufferUsages::STORAGE, scene.instances.len()),
             draws,
             casters: Bounds::EMPTY,
             all: Bounds::EMPTY,
             posed: Vec::with_capacity(scene.instances.len()),
+            figures_at,
         })
     }
 
-    /// Poses the scene's instances by `world_from_mesh`.
-    pub fn pose(&mut self, gpu: &Gpu, scene: &Scene, world_from_mesh: &[Mat4]) {
+    /// Poses the scene's instances, and the vertices of its figures.
+    pub fn pose(&mut self, gpu: &Gpu, scene: &Scene, pose: &Pose) {
+        if !pose.vertices().is_empty() {
+            gpu.queue.write_buffer(&self.vertices, self.figures_at, bytemuck::cast_slice(pose.vertices()));
+        }
         self.posed.clear();
-        let matrices = scene.instances.iter().zip(world_from_mesh);
+        let matrices = scene.instances.iter().zip(pose.world_from_mesh());
         self.posed.extend(matrices.map(|(instance, &world_from_mesh)| {
             // Normals transform by the inverse transpose; a flattened mesh has no inverse, and is visible
             // only edge-on.
@@ -131,6 +144,21 @@ impl Geometry {
             Instance { world_from_mesh, normal_from_mesh, receives, pad: [0; 3] }
         }));
         self.instances.write(gpu, &self.posed);
-        (self.casters, self.all) = (scene.caster_bounds(world_from_mesh), scene.bounds(world_from_mesh));
+        (self.casters, self.all) = (scene.caster_bounds(pose), scene.bounds(pose));
     }
+}
+
+/// Refuses what a buffer does not hold, or what cannot be counted in it: index ranges and base vertices are 32
+/// bits wide, the latter signed.
+fn check_room(vertices: &[Vertex], indices: &[u32], most_bytes: usize) -> Result<()> {
+    if size_of_val(vertices) <= most_bytes
+        && size_of_val(indices) <= most_bytes
+        && i32::try_from(vertices.len()).is_ok()
+        && u32::try_from(indices.len()).is_ok()
+    {
+        return Ok(());
+    }
+    Err(Error::failed(format!(
+        "the scene has more triangles than the device holds ({most_bytes} bytes a buffer)"
+    )))
 }

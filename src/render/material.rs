@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, UNIFORM};
 use crate::scene::{Material, Scene, Shading, Texture, Wrap};
 use bytemuck::{Pod, Zeroable};
+use glam::Affine2;
 use lightcast_core::math::{linear_from_srgb, srgb_from_linear};
 use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
 
@@ -19,6 +20,27 @@ pub(super) struct MaterialUniform {
     pub alpha_cutoff: f32,
     pub has_normal_map: u32,
     pub pad: u32,
+    pub base_colour_uv: UvTransform,
+    pub metallic_roughness_uv: UvTransform,
+    pub normal_uv: UvTransform,
+    pub emissive_uv: UvTransform,
+}
+
+/// From a vertex's texture coordinates to those of a texture.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct UvTransform {
+    /// Where steps along u and v lead: two vectors.
+    pub axes: [f32; 4],
+    pub offset: [f32; 2],
+    pub pad: [f32; 2],
+}
+
+impl From<Affine2> for UvTransform {
+    fn from(transform: Affine2) -> Self {
+        let axes = transform.matrix2.to_cols_array();
+        Self { axes, offset: transform.translation.to_array(), pad: [0.0; 2] }
+    }
 }
 
 impl From<&Material> for MaterialUniform {
@@ -38,6 +60,10 @@ impl From<&Material> for MaterialUniform {
             alpha_cutoff: material.alpha_cutoff.unwrap_or(-1.0),
             has_normal_map: u32::from(material.normal_texture.is_some()),
             pad: 0,
+            base_colour_uv: material.base_colour_uv.into(),
+            metallic_roughness_uv: material.metallic_roughness_uv.into(),
+            normal_uv: material.normal_uv.into(),
+            emissive_uv: material.emissive_uv.into(),
         }
     }
 }

@@ -2,15 +2,14 @@ use super::geometry::Geometry;
 use super::material::Materials;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::scene::{Camera, Scene};
-use glam::Mat4;
+use crate::scene::{Camera, Pose, Scene};
 
 /// The scene and its resources on the device.
 pub(super) struct World {
     pub scene: Scene,
     pub geometry: Geometry,
     pub materials: Materials,
-    world_from_mesh: Vec<Mat4>,
+    pose: Pose,
 }
 
 impl World {
@@ -21,15 +20,15 @@ impl World {
     pub fn new(gpu: &Gpu, scene: Scene) -> Result<Self> {
         let geometry = Geometry::new(gpu, &scene)?;
         let materials = Materials::new(gpu, &scene)?;
-        let mut world = Self { scene, geometry, materials, world_from_mesh: Vec::new() };
+        let mut world = Self { scene, geometry, materials, pose: Pose::default() };
         world.pose(gpu, 0.0);
         Ok(world)
     }
 
     /// Poses everything as at `time_s`.
     pub fn pose(&mut self, gpu: &Gpu, time_s: f64) {
-        self.scene.pose(time_s, &mut self.world_from_mesh);
-        self.geometry.pose(gpu, &self.scene, &self.world_from_mesh);
+        self.scene.pose(time_s, &mut self.pose);
+        self.geometry.pose(gpu, &self.scene, &self.pose);
     }
 
     /// The file's camera, or one that shows the whole scene in a picture of `aspect`.

@@ -1,4 +1,4 @@
-//! Animation of nodes as glTF 2.0 defines it (section 3.11 and appendix C).
+//! Animation of nodes and of morph targets as glTF 2.0 defines it (section 3.11 and appendix C).
 
 use super::Transform;
 use glam::{Quat, Vec3, Vec4};
@@ -25,12 +25,15 @@ pub enum Keys {
     Rotation(Vec<Quat>),
     /// Factors along the node's axes.
     Scale(Vec<Vec3>),
+    /// Weights of the morph targets of the meshes at the node: for every value, one of each target. Not
+    /// empty.
+    Weights(Vec<f32>),
 }
 
 /// How one property of one node changes over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Index of the node, whose transform is a [`Transform::Trs`].
+    /// Index of the node; its transform is a [`Transform::Trs`] if the channel changes it.
     pub node: usize,
     /// Duration of the animation that the channel belongs to: the time of the last key of all its channels.
     /// The animation then starts again. >= 0.
@@ -49,24 +52,38 @@ impl Channel {
     pub(super) fn apply(&self, time_s: f64, transform: &mut Transform) {
         let Transform::Trs { translation, rotation, scale } = transform else { return };
         match &self.keys {
-            Keys::Translation(keys) => *translation = self.value(keys, time_s, Vec3::lerp),
-            Keys::Scale(keys) => *scale = self.value(keys, time_s, Vec3::lerp),
+            Keys::Translation(keys) => *translation = self.value(|i| keys[i], time_s, Vec3::lerp),
+            Keys::Scale(keys) => *scale = self.value(|i| keys[i], time_s, Vec3::lerp),
+            Keys::Weights(_) => {}
             Keys::Rotation(keys) => {
-                let value = self.value(keys, time_s, Quat::slerp);
+                let value = self.value(|i| keys[i], time_s, Quat::slerp);
                 // A spline may pass through zero, where it has no direction.
                 *rotation = Vec4::from(value).try_normalize().map_or(Quat::IDENTITY, Quat::from_vec4);
             }
         }
     }
 
-    fn value<T>(&self, keys: &[T], time_s: f64, between: impl Fn(T, T, f32) -> T) -> T
+    /// Puts the weights at `time_s` into `weights`, if they are what the channel changes: of as many targets
+    /// as there are in both.
+    pub(super) fn apply_weights(&self, time_s: f64, weights: &mut [f32]) {
+        let Keys::Weights(keys) = &self.keys else { return };
+        let stride = if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        let targets = keys.len() / (stride * self.times_s.len());
+        for (target, weight) in weights.iter_mut().enumerate().take(targets) {
+            let value = self.value(|i| keys[i * targets + target], time_s, |a, b, t| a + (b - a) * t);
+            *weight = if value.is_finite() { value } else { 0.0 };
+        }
+    }
+
+    /// The value at `time_s`, of those that `keys` gives by their places.
+    fn value<T>(&self, keys: impl Fn(usize) -> T, time_s: f64, between: impl Fn(T, T, f32) -> T) -> T
     where
         T: Copy + Add<Output = T> + Mul<f32, Output = T>,
     {
         let duration = f64::from(self.duration_s);
         let time = if duration > 0.0 { time_s.rem_euclid(duration) } else { 0.0 };
         let stride = if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
-        let value = |key: usize| keys[key * stride + stride / 2];
+        let value = |key: usize| keys(key * stride + stride / 2);
         let later = self.times_s.partition_point(|key| f64::from(*key) <= time);
         if later == 0 {
             return value(0);
@@ -83,9 +100,9 @@ impl Channel {
             Interpolation::CubicSpline => {
                 let (t2, t3) = (t * t, t * t * t);
                 value(later - 1) * (2.0 * t3 - 3.0 * t2 + 1.0) as f32
-                    + keys[later * 3 - 1] * (step * (t3 - 2.0 * t2 + t)) as f32
+                    + keys(later * 3 - 1) * (step * (t3 - 2.0 * t2 + t)) as f32
                     + value(later) * (3.0 * t2 - 2.0 * t3) as f32
-                    + keys[later * 3] * (step * (t3 - t2)) as f32
+                    + keys(later * 3) * (step * (t3 - t2)) as f32
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Scenes that need no file, and the ground.
 
-use super::{Bounds, Instance, Material, Mesh, Node, Roles, Scene, Shading, Transform, Vertex};
+use super::{Bounds, Instance, Material, Mesh, Node, Pose, Roles, Scene, Shading, Transform, Vertex};
 use glam::{Mat4, Vec3};
 use std::f64::consts::TAU;
 
@@ -60,11 +60,11 @@ impl Scene {
     /// is called `ground`. Under an empty scene it lies at height 0 and is 8 wide.
     pub fn add_ground(&mut self) {
         let mut bounds = Bounds::EMPTY;
-        let mut world_from_mesh = Vec::new();
+        let mut posed = Pose::default();
         let poses = if self.is_animated() { POSES } else { 1 };
         for pose in 0..poses {
-            self.pose(self.duration_s() * pose as f64 / poses as f64, &mut world_from_mesh);
-            bounds = bounds.union(&self.caster_bounds(&world_from_mesh));
+            self.pose(self.duration_s() * pose as f64 / poses as f64, &mut posed);
+            bounds = bounds.union(&self.caster_bounds(&posed));
         }
         let size = 2.0 * bounds.half_extents();
         let half = 0.5 * GROUND_WIDTHS * size.x.max(size.z).max(0.5 * size.y);

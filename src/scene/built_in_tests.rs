@@ -52,9 +52,10 @@ fn built_in_objects_are_sound_face_outwards_and_rest_on_the_ground() {
     let triangles: usize = scene.meshes.iter().map(|mesh| mesh.indices.len() / 3).sum();
     assert!((4_000..12_000).contains(&triangles), "{triangles}");
 
-    let mut poses = Vec::new();
+    let mut poses = Pose::default();
     scene.pose(0.0, &mut poses);
-    let boxes: Vec<Bounds> = (0..3).map(|i| scene.meshes[i].bounds.transformed(&poses[i])).collect();
+    let boxes: Vec<Bounds> =
+        (0..3).map(|i| scene.meshes[i].bounds.transformed(&poses.world_from_mesh()[i])).collect();
     assert!(boxes.iter().all(|b| b.min.y.abs() < 1e-6), "{boxes:?}");
     assert!(boxes[0].max.x < boxes[1].min.x, "the objects do not touch");
     assert!(scene.instances.iter().map(|i| i.roles.casts).eq([true, true, false]));
@@ -123,9 +124,9 @@ fn a_ground_lies_under_what_moves_and_under_nothing() {
     assert!((ground.min.y + 6.0).abs() < 1e-5 && ground.max.y == ground.min.y);
     assert!((ground.centre().x - 1.5).abs() < 1e-5 && (ground.half_extents().x - 4.0 * 5.0).abs() < 1e-4);
     assert!(!scene.instances[1].roles.casts);
-    let mut poses = Vec::new();
+    let mut poses = Pose::default();
     scene.pose(1.0, &mut poses);
-    assert_eq!(poses[1], Mat4::IDENTITY);
+    assert_eq!(poses.world_from_mesh()[1], Mat4::IDENTITY);
 }
 
 #[test]
@@ -142,7 +143,7 @@ fn real_meshes_have_the_counts_that_are_known_of_them() {
     ] {
         let scene = Scene::load(&folder.join(name)).unwrap();
         assert_sound(&scene);
-        let mut poses = Vec::new();
+        let mut poses = Pose::default();
         scene.pose(0.0, &mut poses);
         let bounds = scene.bounds(&poses);
         let agreement = scene.meshes.iter().map(worst_agreement).fold(1.0, f64::min);

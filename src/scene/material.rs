@@ -1,3 +1,5 @@
+use glam::Affine2;
+
 /// Albedo of surfaces that have neither a material nor colours.
 pub const GREY: f32 = 0.6;
 
@@ -23,7 +25,7 @@ pub enum Shading {
 }
 
 /// What a surface is made of. Colours are linear, Rec. 709 primaries. Textures are indices into
-/// [`Scene::textures`](super::Scene::textures), looked up at the vertex's `uv`.
+/// [`Scene::textures`](super::Scene::textures), each looked up at its own affine function of the vertex's `uv`.
 ///
 /// Occlusion textures of glTF files are ignored on purpose: they hold the occlusion of ambient light, which
 /// the lights with their shadow maps produce already, so it would be counted twice. Every triangle is visible
@@ -37,18 +39,26 @@ pub struct Material {
     pub base_colour: [f32; 4],
     /// Albedo and alpha (sRGB).
     pub base_colour_texture: Option<usize>,
+    /// From the vertex's `uv` to coordinates of the base colour's texture.
+    pub base_colour_uv: Affine2,
     /// Normals in the tangent frame as in glTF: `2 t - 1`, green pointing up in the picture (against v). The
     /// frame follows from the derivatives of `uv`; tangents of files are not read.
     pub normal_texture: Option<usize>,
+    /// From the vertex's `uv` to coordinates of the normal texture, which its axes follow.
+    pub normal_uv: Affine2,
     /// Factor on x and y of the normal texture.
     pub normal_scale: f32,
     /// Roughness in green, metalness in blue (linear).
     pub metallic_roughness_texture: Option<usize>,
+    /// From the vertex's `uv` to coordinates of that texture.
+    pub metallic_roughness_uv: Affine2,
     /// Radiance that the surface emits, >= 0; times the texture. It does not light other surfaces. The
     /// renderer clamps it to 65504.
     pub emissive: [f32; 3],
     /// Emitted colour (sRGB).
     pub emissive_texture: Option<usize>,
+    /// From the vertex's `uv` to coordinates of the emitted colour's texture.
+    pub emissive_uv: Affine2,
     /// Where alpha is below this value the surface is absent, also from shadows. `None`: opaque, alpha
     /// unused.
     pub alpha_cutoff: Option<f32>,
@@ -66,11 +76,15 @@ impl Material {
             shading,
             base_colour: [colour[0], colour[1], colour[2], 1.0],
             base_colour_texture: None,
+            base_colour_uv: Affine2::IDENTITY,
             normal_texture: None,
+            normal_uv: Affine2::IDENTITY,
             normal_scale: 1.0,
             metallic_roughness_texture: None,
+            metallic_roughness_uv: Affine2::IDENTITY,
             emissive: [0.0; 3],
             emissive_texture: None,
+            emissive_uv: Affine2::IDENTITY,
             alpha_cutoff: None,
         }
     }

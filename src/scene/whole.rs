@@ -1,5 +1,6 @@
-use super::{Bounds, Camera, Channel, Instance, Material, Mesh, Node, Roles, Texture, Transform};
-use glam::Mat4;
+use super::{
+    Camera, Channel, Deformation, Figure, Instance, Material, Mesh, Node, Roles, Skin, Texture, Transform,
+};
 
 /// Meshes with their positions, materials and animations: plain lists that refer to each other by index.
 ///
@@ -19,7 +20,14 @@ pub struct Scene {
     pub node_names: Vec<String>,
     /// The meshes at their nodes.
     pub instances: Vec<Instance>,
-    /// How nodes move, in the order of their nodes. All animations of a file play at the same time, each in a
+    /// How the vertices of some meshes can move.
+    pub deformations: Vec<Deformation>,
+    /// The joints that move them.
+    pub skins: Vec<Skin>,
+    /// The instances whose vertices move, in the order of the instances, each once. Every other instance is
+    /// rigid.
+    pub figures: Vec<Figure>,
+    /// How nodes and the weights of their meshes change, in the order of their nodes. All animations of a file play at the same time, each in a
     /// loop.
     pub channels: Vec<Channel>,
     /// The file's first perspective camera, where it stands at time 0.
@@ -39,24 +47,5 @@ impl Scene {
         let instances = (0..meshes.len()).map(|mesh| Instance { mesh, node: 0, roles: Roles::ALL }).collect();
         let nodes = vec![Node { parent: None, transform: Transform::IDENTITY }];
         Self { meshes, materials, textures, nodes, instances, notes, ..Self::default() }
-    }
-
-    /// Box around all instances posed by `world_from_mesh`.
-    pub fn bounds(&self, world_from_mesh: &[Mat4]) -> Bounds {
-        self.bounds_where(world_from_mesh, |_| true)
-    }
-
-    /// Box around the instances that cast shadows, posed by `world_from_mesh`.
-    pub fn caster_bounds(&self, world_from_mesh: &[Mat4]) -> Bounds {
-        self.bounds_where(world_from_mesh, |instance| instance.roles.casts)
-    }
-
-    fn bounds_where(&self, world_from_mesh: &[Mat4], is_meant: impl Fn(&Instance) -> bool) -> Bounds {
-        self.instances
-            .iter()
-            .zip(world_from_mesh)
-            .filter(|(instance, matrix)| is_meant(instance) && **matrix != Mat4::ZERO)
-            .map(|(instance, matrix)| self.meshes[instance.mesh].bounds.transformed(matrix))
-            .fold(Bounds::EMPTY, |all, bounds| all.union(&bounds))
     }
 }

@@ -48,6 +48,9 @@ impl ListFile {
                 return Ok(false);
             }
             self.line_number += 1;
+            if self.line_number == 1 && self.line.starts_with(b"\xef\xbb\xbf") {
+                self.line.drain(..3);
+            }
             if self.line.trim_ascii().is_empty() {
                 continue;
             }

@@ -4,6 +4,8 @@
 
 mod calibrations;
 mod pictures;
+#[cfg(feature = "render")]
+mod scenes;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

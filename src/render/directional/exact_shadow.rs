@@ -1,7 +1,7 @@
 //! Exact shadows of one directional light, for tests, from the heights of all triangles along the light.
 
 use super::light_space::twin::light_basis;
-use crate::scene::Scene;
+use crate::scene::{Pose, Scene};
 use glam::{DVec2, DVec3, Mat3, Vec3};
 
 /// Cells along a side of the acceleration grid.
@@ -21,14 +21,15 @@ pub(super) struct Sheets {
 impl Sheets {
     pub fn new(scene: &Scene, direction: Vec3) -> Self {
         let basis = light_basis(direction);
-        let mut world_from_mesh = Vec::new();
-        scene.pose(0.0, &mut world_from_mesh);
+        let mut pose = Pose::default();
+        scene.pose(0.0, &mut pose);
         let mut triangles = Vec::new();
-        for (instance, matrix) in scene.instances.iter().zip(&world_from_mesh) {
+        for (number, (instance, matrix)) in scene.instances.iter().zip(pose.world_from_mesh()).enumerate() {
+            let vertices = pose.vertices_of(scene, number);
             let mesh = &scene.meshes[instance.mesh];
             for corners in mesh.indices.chunks_exact(3) {
                 let corner = |index: u32| {
-                    let world = matrix.transform_point3(Vec3::from(mesh.vertices[index as usize].position));
+                    let world = matrix.transform_point3(Vec3::from(vertices[index as usize].position));
                     basis.as_dmat3().transpose() * world.as_dvec3()
                 };
                 triangles.push((

@@ -170,7 +170,7 @@ impl Targets {
 mod tests {
     use super::*;
     use crate::gpu::layout::{assert_layout, assert_valid, members};
-    use crate::render::material::MaterialUniform;
+    use crate::render::material::{MaterialUniform, UvTransform};
 
     #[test]
     fn the_shader_is_valid_and_its_structs_lie_as_they_are_written() {
@@ -192,7 +192,8 @@ mod tests {
             &source,
             "Material",
             size_of::<MaterialUniform>(),
-            members!(MaterialUniform: base_colour, specular, gloss, emissive, metallic, normal_scale, alpha_cutoff, has_normal_map),
+            members!(MaterialUniform: base_colour, specular, gloss, emissive, metallic, normal_scale, alpha_cutoff, has_normal_map, base_colour_uv, metallic_roughness_uv, normal_uv, emissive_uv),
         );
+        assert_layout(&source, "UvTransform", size_of::<UvTransform>(), members!(UvTransform: axes, offset));
     }
 }

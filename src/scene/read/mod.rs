@@ -7,17 +7,20 @@ mod gltf;
 mod mesh_file_tests;
 mod notes;
 mod obj;
+mod plain_text;
 mod ply;
+mod texture_options;
 
 pub use budget::{MAX_TRIANGLES, MAX_VERTICES};
 pub use files::MAX_BYTES;
 pub(super) use files::short;
 
-use super::Scene;
+use super::{Pose, Scene};
 use crate::error::{Error, Result};
 use files::{Files, contained};
 use glam::Mat4;
 use lightcast_core::math;
+use plain_text::without_mark;
 use std::path::Path;
 
 /// Largest coordinate in the world at time 0: its square and its fourth power are still finite as f32.
@@ -28,7 +31,7 @@ impl Scene {
     ///
     /// | file | what is read |
     /// |---|---|
-    /// | glTF 2.0, `.glb` or `.gltf` | the default scene: meshes, metal-rough materials, textures, animation of nodes, the first camera |
+    /// | glTF 2.0, `.glb` or `.gltf` | the default scene: meshes, metal-rough materials, textures, animation of nodes, skins and morph targets, the first camera |
     /// | Wavefront `.obj` | polygons, normals, texture coordinates, vertex colours; from `.mtl`: `Kd`, `Ks`, `Ns`, `Ke`, `d`, `map_Kd` |
     /// | `.ply`, ascii or binary | polygons, normals, texture coordinates, vertex colours |
     ///
@@ -49,16 +52,17 @@ impl Scene {
 
 fn load_by_kind(path: &Path) -> Result<Scene> {
     let mut files = Files::beside(path);
-    let bytes = files.read_path(path)?;
+    let file = files.read_path(path)?;
+    let bytes = without_mark(&file);
     let has_extension =
         |wanted: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted));
     let first = bytes.trim_ascii_start().first();
-    let scene = match bytes.as_slice() {
+    let scene = match bytes {
         [] => return Err(Error::usage("is empty")),
-        [b'g', b'l', b'T', b'F', ..] => gltf::read(&bytes, files)?,
-        [b'p', b'l', b'y', b'\n' | b'\r', ..] => ply::read(&bytes)?,
-        _ if first == Some(&b'{') || has_extension("gltf") => gltf::read(&bytes, files)?,
-        _ if has_extension("obj") => obj::read(&bytes, files)?,
+        [b'g', b'l', b'T', b'F', ..] => gltf::read(bytes, files)?,
+        [b'p', b'l', b'y', b'\n' | b'\r', ..] => ply::read(bytes)?,
+        _ if first == Some(&b'{') || has_extension("gltf") => gltf::read(bytes, files)?,
+        _ if has_extension("obj") => obj::read(bytes, files)?,
         _ => {
             return Err(Error::usage(format!(
                 "is neither glTF nor PLY (it begins with the bytes {:02x?}), nor is it called .obj; give one of these",
@@ -77,11 +81,11 @@ fn check_whole(scene: &Scene) -> Result<()> {
             if scene.notes.is_empty() { String::new() } else { format!(": {}", scene.notes.join("; ")) };
         return Err(Error::usage(format!("has no triangle to show{notes}")));
     }
-    let mut world_from_mesh = Vec::new();
-    scene.pose(0.0, &mut world_from_mesh);
-    let bounds = scene.bounds(&world_from_mesh);
+    let mut pose = Pose::default();
+    scene.pose(0.0, &mut pose);
+    let bounds = scene.bounds(&pose);
     let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
-    if largest.is_nan() || largest > MAX_COORDINATE || world_from_mesh.contains(&Mat4::ZERO) {
+    if largest.is_nan() || largest > MAX_COORDINATE || pose.world_from_mesh().contains(&Mat4::ZERO) {
         return Err(Error::usage(format!(
             "reaches from {} to {}; coordinates are read up to {MAX_COORDINATE:e}: scale it down",
             bounds.min, bounds.max

@@ -10,6 +10,8 @@ use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
 use super::files::{Files, contained, short};
 use super::linear_from_srgb;
 use super::notes::{TRANSPARENCY, add_note, normal_notes};
+use super::plain_text::plain_text;
+use super::texture_options::{TextureOptions, texture_options};
 use crate::error::{Error, Place, Result};
 use crate::scene::material::GREY;
 use crate::scene::mesh::{check, drop_zero_area};
@@ -33,6 +35,7 @@ const MAX_LIBRARY_BYTES: usize = 1 << 24;
 const MAX_EXPONENT: f32 = 1e4;
 
 pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
+    let bytes = &*plain_text(bytes);
     check_counts(bytes)?;
     let files = RefCell::new(files);
     let notes = RefCell::new(Vec::new());
@@ -43,7 +46,7 @@ pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
         if !known.borrow_mut().insert(name.to_path_buf()) {
             return Ok(Default::default());
         }
-        read_library(&mut files.borrow_mut(), name).or_else(|error| {
+        read_libraries(&mut files.borrow_mut(), name).or_else(|error| {
             notes.borrow_mut().push(format!("materials left out: {error}"));
             Ok(Default::default())
         })
@@ -193,19 +196,37 @@ fn split(vertices: &[Vertex], faces: &[(usize, Vec<u32>)]) -> Vec<Mesh> {
         .collect()
 }
 
-fn read_library(files: &mut Files, name: &Path) -> Result<(Vec<tobj::Material>, HashMap<String, usize>)> {
+/// Materials, and their places by name.
+type Library = (Vec<tobj::Material>, HashMap<String, usize>);
+
+/// One library, whose name may have blanks, or several with blanks between them.
+fn read_libraries(files: &mut Files, name: &Path) -> Result<Library> {
     let name = name.to_string_lossy();
+    let whole = read_library(files, &name);
+    if whole.is_ok() || name.split_whitespace().count() < 2 {
+        return whole;
+    }
+    let (mut all, mut places) = Library::default();
+    for name in name.split_whitespace() {
+        let (materials, own) = read_library(files, name)?;
+        places.extend(own.into_iter().map(|(name, place)| (name, place + all.len())));
+        all.extend(materials);
+    }
+    Ok((all, places))
+}
+
+fn read_library(files: &mut Files, name: &str) -> Result<Library> {
     // Programs on Windows write backslashes.
     let bytes = files.read(&name.replace('\\', "/"))?;
     if bytes.len() > MAX_LIBRARY_BYTES {
         let fault = format!("has {} bytes; at most {MAX_LIBRARY_BYTES} are read", bytes.len());
-        return Err(Error::usage(fault).at(format_args!("`{}`", short(&name))));
+        return Err(Error::usage(fault).at(format_args!("`{}`", short(name))));
     }
+    let text = plain_text(&bytes);
     contained(|| {
-        tobj::load_mtl_buf(&mut bytes.as_slice())
-            .map_err(|error| Error::usage("cannot be read").because(error))
+        tobj::load_mtl_buf(&mut &text[..]).map_err(|error| Error::usage("cannot be read").because(error))
     })
-    .map_err(|error| error.at(format_args!("`{}`", short(&name))))
+    .map_err(|error| error.at(format_args!("`{}`", short(name))))
 }
 
 /// What the conversion of materials needs.
@@ -231,7 +252,12 @@ impl Materials<'_> {
         let mut material = Material::new(Shading::Phong { specular, exponent }, colour(from.diffuse, GREY));
         material.emissive = from.emissive.unwrap_or_default().map(|x| within(x, f32::MAX));
         if let Some(name) = &from.diffuse_texture {
+            let TextureOptions { name, uv, left_out } = texture_options(name);
             material.base_colour_texture = self.texture(name);
+            material.base_colour_uv = uv;
+            for option in left_out {
+                self.note(format!("option {option} of texture `{}` left out", short(name)));
+            }
             if material.base_colour_texture.is_some() && from.diffuse.is_none() {
                 material.base_colour = [1.0; 4];
             }

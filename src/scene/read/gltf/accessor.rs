@@ -15,32 +15,45 @@ pub(super) type Buffers = Vec<Vec<u8>>;
 
 /// Vectors of `N` floats. Integers are accepted if they are normalised: [0, 1] unsigned, [-1, 1] signed.
 pub(super) fn floats<const N: usize>(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<[f32; N]>> {
-    let read = || {
-        let dimensions = accessor.dimensions().multiplicity();
-        let (data_type, is_normalized) = (accessor.data_type(), accessor.normalized());
-        if dimensions != N || matches!(accessor.dimensions(), Dimensions::Mat2) {
-            return Err(Error::usage(format!("has {dimensions} components, not {N}")));
+    numbers(accessor, buffers, false).map_err(|error| error.at(format_args!("accessor {}", accessor.index())))
+}
+
+/// Vectors of `N` floats. Integers of 8 and 16 bits that are not normalised stand for themselves, as
+/// `KHR_mesh_quantization` has it.
+pub(super) fn quantized<const N: usize>(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<[f32; N]>> {
+    numbers(accessor, buffers, true).map_err(|error| error.at(format_args!("accessor {}", accessor.index())))
+}
+
+fn numbers<const N: usize>(
+    accessor: &Accessor,
+    buffers: &Buffers,
+    may_be_integers: bool,
+) -> Result<Vec<[f32; N]>> {
+    let dimensions = accessor.dimensions().multiplicity();
+    let (data_type, is_normalized) = (accessor.data_type(), accessor.normalized());
+    if dimensions != N || matches!(accessor.dimensions(), Dimensions::Mat2) {
+        return Err(Error::usage(format!("has {dimensions} components, not {N}")));
+    }
+    let from: fn(&[u8]) -> f32 = match (data_type, is_normalized) {
+        (DataType::F32, _) => |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+        (DataType::U8, true) => |b| f32::from(b[0]) / 255.0,
+        (DataType::U16, true) => |b| f32::from(u16::from_le_bytes([b[0], b[1]])) / 65_535.0,
+        (DataType::I8, true) => |b| (f32::from(b[0] as i8) / 127.0).max(-1.0),
+        (DataType::I16, true) => |b| (f32::from(i16::from_le_bytes([b[0], b[1]])) / 32_767.0).max(-1.0),
+        (DataType::U8, false) if may_be_integers => |b| f32::from(b[0]),
+        (DataType::U16, false) if may_be_integers => |b| f32::from(u16::from_le_bytes([b[0], b[1]])),
+        (DataType::I8, false) if may_be_integers => |b| f32::from(b[0] as i8),
+        (DataType::I16, false) if may_be_integers => |b| f32::from(i16::from_le_bytes([b[0], b[1]])),
+        _ => {
+            return Err(Error::usage(format!(
+                "has components of type {data_type:?}; floats or normalised integers of 8 or 16 bits are needed"
+            )));
         }
-        let from: fn(&[u8]) -> f32 = match (data_type, is_normalized) {
-            (DataType::F32, _) => |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
-            (DataType::U8, true) => |b| f32::from(b[0]) / 255.0,
-            (DataType::U16, true) => |b| f32::from(u16::from_le_bytes([b[0], b[1]])) / 65_535.0,
-            (DataType::I8, true) => |b| (f32::from(b[0] as i8) / 127.0).max(-1.0),
-            (DataType::I16, true) => |b| (f32::from(i16::from_le_bytes([b[0], b[1]])) / 32_767.0).max(-1.0),
-            _ => {
-                return Err(Error::usage(format!(
-                    "has components of type {data_type:?}; floats or normalised integers of 8 or 16 bits are needed"
-                )));
-            }
-        };
-        let bytes = elements(accessor, buffers)?;
-        let size = data_type.size();
-        Ok(bytes
-            .chunks_exact(N * size)
-            .map(|element| std::array::from_fn(|i| from(&element[i * size..])))
-            .collect())
     };
-    read().map_err(|error| error.at(format_args!("accessor {}", accessor.index())))
+    let bytes = elements(accessor, buffers)?;
+    let size = data_type.size();
+    let element = |bytes: &[u8]| std::array::from_fn(|i| from(&bytes[i * size..]));
+    Ok(bytes.chunks_exact(N * size).map(element).collect())
 }
 
 /// Indices of vertices.
@@ -55,6 +68,25 @@ pub(super) fn indices(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<u32>
             }
         };
         Ok(elements(accessor, buffers)?.chunks_exact(accessor.data_type().size()).map(from).collect())
+    };
+    read().map_err(|error| error.at(format_args!("accessor {}", accessor.index())))
+}
+
+/// Four numbers of joints for each element.
+pub(super) fn joints(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<[u16; 4]>> {
+    let read = || {
+        let (from, size): (fn(&[u8]) -> u16, usize) = match (accessor.dimensions(), accessor.data_type()) {
+            (Dimensions::Vec4, DataType::U8) => (|b| u16::from(b[0]), 1),
+            (Dimensions::Vec4, DataType::U16) => (|b| u16::from_le_bytes([b[0], b[1]]), 2),
+            (dimensions, data_type) => {
+                return Err(Error::usage(format!("has no joints but {dimensions:?} of {data_type:?}")));
+            }
+        };
+        let bytes = elements(accessor, buffers)?;
+        Ok(bytes
+            .chunks_exact(4 * size)
+            .map(|four| std::array::from_fn(|i| from(&four[i * size..])))
+            .collect())
     };
     read().map_err(|error| error.at(format_args!("accessor {}", accessor.index())))
 }

@@ -5,32 +5,35 @@ use crate::error::{Error, Result};
 use crate::scene::read::notes::add_note;
 use crate::scene::{Channel, Interpolation, Keys, Scene, Transform};
 use glam::{Quat, Vec3};
-use gltf::Gltf;
 use gltf::animation::Property;
 
 /// Most keys of all channels together.
 const MAX_KEYS: usize = 1 << 22;
 
-/// Reads the channels of all animations that move nodes of the scene. `places` maps every node of the file to
-/// its index in the scene.
+/// Reads the channels of all animations that move nodes of the scene or change weights. `places` maps every node of the file to
+/// its index in the scene, `numbers` every channel
+/// of an animation to its number in the file.
 pub(super) fn read(
-    gltf: &Gltf,
+    gltf: &gltf::Document,
+    numbers: &[Vec<usize>],
     buffers: &Buffers,
     places: &[Option<usize>],
     scene: &mut Scene,
 ) -> Result<()> {
     let mut keys_left = MAX_KEYS;
-    for animation in gltf.animations() {
+    for (animation, numbers) in gltf.animations().zip(numbers) {
         let first = scene.channels.len();
-        for (number, channel) in animation.channels().enumerate() {
+        for (channel, number) in animation.channels().zip(numbers) {
             let Some(node) = places[channel.target().node().index()] else { continue };
-            if channel.target().property() == Property::MorphTargetWeights {
-                add_note(&mut scene.notes, "animation of morph targets left out");
+            let targets = targets(&channel);
+            if channel.target().property() == Property::MorphTargetWeights && targets == 0 {
+                add_note(&mut scene.notes, "weights of meshes without morph targets left out");
                 continue;
             }
-            let channel = read_channel(&channel, node, scene, buffers, &mut keys_left).map_err(|error| {
-                error.at(format_args!("animation {}, channel {number}", animation.index()))
-            })?;
+            let channel =
+                read_channel(&channel, node, targets, scene, buffers, &mut keys_left).map_err(|error| {
+                    error.at(format_args!("animation {}, channel {number}", animation.index()))
+                })?;
             scene.channels.push(channel);
         }
         let own = &mut scene.channels[first..];
@@ -57,25 +60,28 @@ pub(super) fn read(
 fn read_channel(
     channel: &gltf::animation::Channel,
     node: usize,
+    targets: usize,
     scene: &Scene,
     buffers: &Buffers,
     keys_left: &mut usize,
 ) -> Result<Channel> {
-    if matches!(scene.nodes[node].transform, Transform::Matrix(_)) {
+    let moves_node = channel.target().property() != Property::MorphTargetWeights;
+    if moves_node && matches!(scene.nodes[node].transform, Transform::Matrix(_)) {
         return Err(Error::usage(
             "moves a node that has a matrix; animated nodes have translation, rotation, scale",
         ));
     }
     let sampler = channel.sampler();
     let (count, values) = (sampler.input().count(), sampler.output().count());
-    let (interpolation, each) = match sampler.interpolation() {
+    let (interpolation, each): (_, usize) = match sampler.interpolation() {
         gltf::animation::Interpolation::Step => (Interpolation::Step, 1),
         gltf::animation::Interpolation::Linear => (Interpolation::Linear, 1),
         gltf::animation::Interpolation::CubicSpline => (Interpolation::CubicSpline, 3),
     };
-    if count == 0 || count.checked_mul(each) != Some(values) {
+    let each_time = if moves_node { each } else { each.saturating_mul(targets) };
+    if count == 0 || count.checked_mul(each_time) != Some(values) {
         return Err(Error::usage(format!(
-            "has {count} times but {values} values; {each} for each is needed"
+            "has {count} times but {values} values; {each_time} for each is needed"
         )));
     }
     *keys_left = keys_left.checked_sub(values).ok_or_else(|| {
@@ -96,6 +102,10 @@ fn read_channel(
     let keys = match channel.target().property() {
         Property::Translation => Keys::Translation(vectors()?),
         Property::Scale => Keys::Scale(vectors()?),
+        Property::MorphTargetWeights => {
+            let weights = finite(floats::<1>(&sampler.output(), buffers)?)?;
+            Keys::Weights(weights.into_iter().map(|[weight]| weight).collect())
+        }
         _ => {
             let mut keys: Vec<Quat> =
                 finite(floats::<4>(&sampler.output(), buffers)?)?.into_iter().map(Quat::from_array).collect();
@@ -109,6 +119,14 @@ fn read_channel(
         }
     };
     Ok(Channel { node, duration_s: 0.0, interpolation, times_s, keys })
+}
+
+/// How many morph targets the mesh has whose node a channel changes.
+fn targets(channel: &gltf::animation::Channel) -> usize {
+    let node = channel.target().node();
+    let mesh = node.mesh();
+    let primitives = mesh.iter().flat_map(gltf::Mesh::primitives);
+    primitives.map(|primitive| primitive.morph_targets().len()).max().unwrap_or(0)
 }
 
 fn finite<const N: usize>(values: Vec<[f32; N]>) -> Result<Vec<[f32; N]>> {

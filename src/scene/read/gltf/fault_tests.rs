@@ -90,9 +90,25 @@ fn damaged_documents_say_what_is_wrong_and_where() {
                 [json!({ "children": children })].into_iter().chain((1..70_000).map(|_| json!({}))).collect();
         }),
     );
+    fault(
+        "nodes[0]: is damaged: invalid type: string \"a\"",
+        Box::new(|d| d.json["nodes"][0]["mesh"] = json!("a")),
+    );
+    fault(
+        "meshes[0].primitives[0].indices: is damaged: Index out of bounds",
+        Box::new(|d| d.primitive()["indices"] = json!(2)),
+    );
+    fault("is glTF 1.0; 2.0 is read", Box::new(|d| d.json["asset"]["version"] = json!("1.0")));
+    fault(
+        "is glTF 2.1 (at least 2.1)",
+        Box::new(|d| d.json["asset"] = json!({ "version": "2.1", "minVersion": "2.1" })),
+    );
     fault("not affine", Box::new(|d| d.json["nodes"][0]["matrix"] = json!([0.5_f32; 16].to_vec())));
     fault("rotation of length zero", Box::new(|d| d.json["nodes"][0]["rotation"] = json!([0, 0, 0, 0])));
-    fault("number out of range", Box::new(|d| d.json["nodes"][0]["scale"] = json!([1e39, 1, 1])));
+    fault(
+        "node 0: is damaged: translation or scale not finite",
+        Box::new(|d| d.json["nodes"][0]["scale"] = json!([1e39, 1, 1])),
+    );
     fault("coordinates are read up to 1e9", Box::new(|d| d.json["nodes"][0]["scale"] = json!([1e12, 1, 1])));
     fault("has no triangle to show", Box::new(|d| d.json["nodes"] = json!([{}])));
     fault(
@@ -100,12 +116,13 @@ fn damaged_documents_say_what_is_wrong_and_where() {
         Box::new(|d| {
             d.json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
             d.json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
+            d.primitive()["extensions"] = json!({ "KHR_draco_mesh_compression": { "bufferView": 0 } });
         }),
     );
     fault(
-        "material 0: baseColorFactor = [2.0",
+        "baseColorFactor is [inf",
         Box::new(|d| {
-            d.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorFactor": [2, 1, 1, 1] } }]);
+            d.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorFactor": [1e39, 1, 1, 1] } }]);
             d.primitive()["material"] = json!(0);
         }),
     );

@@ -2,16 +2,21 @@
 
 use super::accessor::{Buffers, view_bytes};
 use super::uri::read_uri;
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Result};
 use crate::scene::read::files::{Files, contained};
 use crate::scene::read::notes::{TRANSPARENCY, add_note};
 use crate::scene::texture::MAX_TEXTURE_PIXELS;
 use crate::scene::{Material, Shading, Texture, Wrap};
+use glam::{Affine2, Vec2};
 use gltf::image::Source;
 use gltf::material::AlphaMode;
 use gltf::texture::WrappingMode;
+use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::HashMap;
+
+/// The extension that moves, turns and scales texture coordinates.
+const TRANSFORM: &str = "KHR_texture_transform";
 
 /// The scene's materials and textures so far.
 pub(super) struct Materials {
@@ -56,12 +61,12 @@ impl Materials {
         if from.index().is_none() {
             add_note(&mut self.notes, "meshes without a material have glTF's default, a rough white metal");
         }
-        let [red, green, blue, alpha] = factors(rough.base_color_factor(), "baseColorFactor")?;
-        let [metallic] = factors([rough.metallic_factor()], "metallicFactor")?;
-        let [roughness] = factors([rough.roughness_factor()], "roughnessFactor")?;
+        let [red, green, blue, alpha] = self.factors(rough.base_color_factor(), "baseColorFactor", "")?;
+        let [metallic] = self.factors([rough.metallic_factor()], "metallicFactor", "")?;
+        let [roughness] = self.factors([rough.roughness_factor()], "roughnessFactor", "")?;
         let mut material = Material::new(Shading::MetalRough { metallic, roughness }, [red, green, blue]);
         material.base_colour[3] = alpha;
-        material.emissive = factors(from.emissive_factor(), "emissiveFactor")?;
+        material.emissive = self.emissive(from)?;
         material.alpha_cutoff = match from.alpha_mode() {
             AlphaMode::Opaque => None,
             AlphaMode::Mask => Some(from.alpha_cutoff().unwrap_or(0.5)),
@@ -76,30 +81,71 @@ impl Materials {
         if material.alpha_cutoff.is_some_and(|cutoff| !cutoff.is_finite()) {
             return Err(Error::usage("is damaged: alphaCutoff is not finite"));
         }
+        self.textures(from, &mut material, buffers)?;
+        Ok(material)
+    }
+
+    /// The radiance that a surface emits.
+    fn emissive(&mut self, from: &gltf::Material) -> Result<[f32; 3]> {
+        /// The extension for emission over 1.
+        const STRENGTH: &str = "KHR_materials_emissive_strength";
+        let factors = self.factors(
+            from.emissive_factor(),
+            "emissiveFactor",
+            "; more belongs into KHR_materials_emissive_strength",
+        )?;
+        let Some(extension) = from.extension_value(STRENGTH) else { return Ok(factors) };
+        let strength = extension.get("emissiveStrength").map_or(Some(1.0), Value::as_f64);
+        match strength.filter(|strength| (0.0..=f64::from(f32::MAX)).contains(strength)) {
+            Some(strength) => Ok(factors.map(|factor| factor * strength as f32)),
+            None => Err(Error::usage("is damaged: emissiveStrength is no number >= 0").at(STRENGTH)),
+        }
+    }
+
+    fn textures(&mut self, from: &gltf::Material, material: &mut Material, buffers: &Buffers) -> Result<()> {
+        let rough = from.pbr_metallic_roughness();
         if let Some(info) = rough.base_color_texture() {
-            material.base_colour_texture = self.texture(&info.texture(), info.tex_coord(), true, buffers)?;
+            let transform = info.extension_value(TRANSFORM);
+            material.base_colour_texture =
+                self.texture(&info.texture(), info.tex_coord(), transform, true, buffers)?;
+            material.base_colour_uv = uv_transform(transform)?;
         }
         if let Some(info) = rough.metallic_roughness_texture() {
+            let transform = info.extension_value(TRANSFORM);
             material.metallic_roughness_texture =
-                self.texture(&info.texture(), info.tex_coord(), false, buffers)?;
+                self.texture(&info.texture(), info.tex_coord(), transform, false, buffers)?;
+            material.metallic_roughness_uv = uv_transform(transform)?;
         }
         if let Some(info) = from.emissive_texture() {
-            material.emissive_texture = self.texture(&info.texture(), info.tex_coord(), true, buffers)?;
+            let transform = info.extension_value(TRANSFORM);
+            material.emissive_texture =
+                self.texture(&info.texture(), info.tex_coord(), transform, true, buffers)?;
+            material.emissive_uv = uv_transform(transform)?;
         }
         if let Some(info) = from.normal_texture() {
-            material.normal_texture = self.texture(&info.texture(), info.tex_coord(), false, buffers)?;
+            let transform = info.extension_value(TRANSFORM);
+            material.normal_texture =
+                self.texture(&info.texture(), info.tex_coord(), transform, false, buffers)?;
+            material.normal_uv = uv_transform(transform)?;
             material.normal_scale = info.scale();
             if !material.normal_scale.is_finite() {
                 return Err(Error::usage("is damaged: the scale of its normal texture is not finite"));
             }
         }
-        if from.occlusion_texture().is_some() {
-            add_note(
-                &mut self.notes,
-                "occlusion textures left out: the lights' own shadows take their place",
-            );
+        Ok(())
+    }
+
+    /// Factors, which are in [0, 1] by the specification. Those a hair outside, as rounding leaves them, are
+    /// clamped, and so are those that are far outside; `instead` says where such values belong.
+    fn factors<const N: usize>(&mut self, values: [f32; N], name: &str, instead: &str) -> Result<[f32; N]> {
+        if values.iter().all(|value| (0.0..=1.0).contains(value)) {
+            return Ok(values);
         }
-        Ok(material)
+        if values.iter().any(|value| !value.is_finite()) {
+            return Err(Error::usage(format!("{name} is {values:?}; glTF has it in [0, 1]")));
+        }
+        add_note(&mut self.notes, format!("{name} {values:?} clamped: glTF has it in [0, 1]{instead}"));
+        Ok(values.map(|value| value.clamp(0.0, 1.0)))
     }
 
     /// The index of a texture in the scene's list; `None` for textures that cannot be looked up.
@@ -107,24 +153,29 @@ impl Materials {
         &mut self,
         from: &gltf::Texture,
         uv_set: u32,
+        transform: Option<&Value>,
         is_srgb: bool,
         buffers: &Buffers,
     ) -> Result<Option<usize>> {
-        if uv_set != 0 {
+        let other = transform.and_then(|transform| transform.get("texCoord"));
+        if other.map_or(uv_set != 0, |other| *other != 0) {
             add_note(&mut self.notes, "textures on the second texture coordinates left out");
             return Ok(None);
         }
         if let Some(place) = self.known_textures.get(&(from.index(), is_srgb)) {
             return Ok(Some(*place));
         }
-        let read = match from.source().source() {
+        let Some(image) = from.source() else {
+            add_note(&mut self.notes, "textures left out whose pictures are neither PNG nor JPEG");
+            return Ok(None);
+        };
+        let read = match image.source() {
             Source::View { view, .. } => view_bytes(&view, buffers).map(Cow::Borrowed),
             Source::Uri { uri, .. } => read_uri(uri, &mut self.files).map(Cow::Owned),
         };
         let outcome =
             read.and_then(|bytes| contained(|| Texture::decode(&bytes, is_srgb, &mut self.pixels_left)));
-        let image = from.source().index();
-        let mut texture = outcome.map_err(|error| error.at(format_args!("image {image}")))?;
+        let mut texture = outcome.map_err(|error| error.at(format_args!("image {}", image.index())))?;
         let wrap = |mode| match mode {
             WrappingMode::Repeat => Wrap::Repeat,
             WrappingMode::MirroredRepeat => Wrap::MirroredRepeat,
@@ -137,10 +188,26 @@ impl Materials {
     }
 }
 
-/// Factors, which must be in [0, 1] by the specification.
-fn factors<const N: usize>(values: [f32; N], name: &str) -> Result<[f32; N]> {
-    if values.iter().all(|value| (0.0..=1.0).contains(value)) {
-        return Ok(values);
-    }
-    Err(Error::usage("glTF has it in [0, 1]").at(Place::value(name, format_args!("{values:?}"))))
+/// What `KHR_texture_transform` (`None`: a texture without it) does to texture coordinates: scaling, then
+/// rotation, then translation.
+///
+/// The rotation is counter-clockwise where v points down, as the extension's table of properties, the Khronos
+/// sample viewer and three.js have it; the code in its overview turns the other way.
+fn uv_transform(extension: Option<&Value>) -> Result<Affine2> {
+    let Some(extension) = extension else { return Ok(Affine2::IDENTITY) };
+    let damaged = |key: &str| Error::usage(format!("is damaged: {key} is not finite numbers")).at(TRANSFORM);
+    let number = |value: &Value| value.as_f64().map(|value| value as f32).filter(|value| value.is_finite());
+    let pair = |key: &str, default: Vec2| match extension.get(key) {
+        None => Ok(default),
+        Some(pair) => match (number(&pair[0]), number(&pair[1])) {
+            (Some(u), Some(v)) => Ok(Vec2::new(u, v)),
+            _ => Err(damaged(key)),
+        },
+    };
+    let angle = match extension.get("rotation") {
+        None => 0.0,
+        Some(angle) => number(angle).ok_or_else(|| damaged("rotation"))?,
+    };
+    let (scale, offset) = (pair("scale", Vec2::ONE)?, pair("offset", Vec2::ZERO)?);
+    Ok(Affine2::from_scale_angle_translation(scale, -angle, offset))
 }

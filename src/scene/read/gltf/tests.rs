@@ -122,9 +122,9 @@ fn load(document: &Document) -> Scene {
 }
 
 fn pose(scene: &Scene, time_s: f64) -> Mat4 {
-    let mut world_from_mesh = Vec::new();
-    scene.pose(time_s, &mut world_from_mesh);
-    world_from_mesh[0]
+    let mut pose = Pose::default();
+    scene.pose(time_s, &mut pose);
+    pose.world_from_mesh()[0]
 }
 
 #[test]
@@ -271,8 +271,10 @@ fn mirrored_nodes_have_a_negative_determinant_and_bounds_all_the_same() {
     let scene = load(&document);
     let matrix = pose(&scene, 0.0);
     assert_eq!(matrix.determinant(), -2.0);
+    let mut posed = Pose::default();
+    scene.pose(0.0, &mut posed);
     assert_eq!(
-        scene.bounds(&[matrix]),
+        scene.bounds(&posed),
         Bounds { min: Vec3::new(-2.0, 0.0, 0.0), max: Vec3::new(0.0, 1.0, 0.0) }
     );
     // The same as a matrix.
