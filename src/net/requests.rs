@@ -145,7 +145,7 @@ async fn stream(
         // The buffer is cleared before every read, for every client.
         .read_buffer_size(wire::DEMAND_MAX_BYTES)
         .on_upgrade(move |socket| async move {
-            let session = Session::new(socket, &shared, phase, subscription, is_binary, options.patience);
+            let session = Session::new(socket, &shared, visit, phase, subscription, is_binary, options.patience);
             session.run(peer).await;
             drop(slot);
         })

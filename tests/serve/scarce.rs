@@ -246,7 +246,7 @@ fn what_a_reload_cannot_have_leaves_the_old_service_running() {
             good.replace("columns = 90\nrows = 23", "columns = 16384\nrows = 4096"),
             "the limit of the address space",
         ),
-        (good.clone() + "[filter]\ndelay_s = 6.0\n", "2.00 s are enough"),
+        (good.clone() + "[filter]\ndelay_s = 6.0\n", "1.76 s are enough"),
         (good.clone() + "[server]\ntoken_file = \"/dev/zero\"\n", "this one has 65537"),
     ] {
         std::fs::write(recording.configuration(), bad).unwrap();
