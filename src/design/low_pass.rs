@@ -14,10 +14,10 @@ use std::f64::consts::TAU;
 /// takes 27 ms once); a longer history of 300 lights would far exceed the cache.
 const MAX_ORDER: usize = 640;
 
-/// Highest attenuation that is designed, in decibels: a light is an f32, of which the ripple of such a filter
-/// changes nothing. Where more is asked for, the ripple is lost in the rounding of f64, and the exchange finds
-/// no peaks (from 170 dB on) or does not end (at 450 dB).
-const ATTENUATION_MAX_DB: f64 = 160.0;
+/// Highest attenuation that is designed, in decibels: the last bit of an f32, of which lights are made. Where
+/// more is asked for, the ripple is lost in the rounding of f64, and the exchange finds no peaks (from 154 dB
+/// on) or does not end (at 450 dB).
+const ATTENUATION_MAX_DB: f64 = 140.0;
 
 /// Relative difference of the ripple peaks at which the exchange stops, and above which a design is refused.
 /// 1e-6 of a ripple of 0.09 changes taps by 1e-7.
@@ -320,7 +320,7 @@ mod tests {
     fn a_delay_for_which_the_design_would_not_end_is_refused_with_one_that_suffices() {
         let options = FilterOptions { delay_s: 6.0, ..FilterOptions::default() };
         let error = low_pass(25.0, &options).unwrap_err().to_string();
-        assert!(error.contains("order 300") && error.contains("2.00 s are enough"), "{error}");
+        assert!(error.contains("order 300") && error.contains("1.76 s are enough"), "{error}");
         for (rate_hz, pass_hz, stop_hz) in
             [(25.0, 7.0, 9.6), (60.0, 7.0, 9.6), (25.0, 2.0, 11.0), (25.0, 0.5, 12.0)]
         {
@@ -333,7 +333,7 @@ mod tests {
                     Err(error) => assert!(error.to_string().contains("are enough"), "{error}"),
                 }
             }
-            assert!(designed >= 11, "{rate_hz} {pass_hz} {stop_hz}: {designed}");
+            assert!(designed >= 9, "{rate_hz} {pass_hz} {stop_hz}: {designed}");
         }
     }
 }

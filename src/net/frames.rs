@@ -1,7 +1,6 @@
 //! How many WebSocket frames a client may send. Messages are no measure: one may have frames without end.
 
 use crate::wire::DEMAND_MAX_BYTES;
-use std::io::{self, ErrorKind};
 
 /// Frames that a client may send at once, and how many more in a second; more is a flood.
 const BURST: f64 = 20.0;
@@ -30,18 +29,11 @@ impl Frames {
         self.bytes.take(bytes.len() as f64, now_ns);
     }
 
-    /// Whether the client may send more. What it sends after the one error is to be read and dropped, so that
-    /// it gets to read why.
-    ///
-    /// # Errors
-    /// Kind `QuotaExceeded`, once.
-    pub fn check(&mut self) -> io::Result<()> {
+    /// Whether the client has sent too much; true once, so that what it sends meanwhile can be read and dropped,
+    /// and it gets to read why it is disconnected.
+    pub fn is_new_flood(&mut self) -> bool {
         let is_flood = self.frames.left < 0.0 || self.bytes.left < 0.0;
-        if !is_flood || self.is_told {
-            return Ok(());
-        }
-        self.is_told = true;
-        Err(ErrorKind::QuotaExceeded.into())
+        is_flood && !std::mem::replace(&mut self.is_told, is_flood)
     }
 }
 
@@ -146,11 +138,11 @@ mod tests {
         let empty_continuation = [0, 0x80, 1, 2, 3, 4];
         for second in 0..100 {
             (0..3).for_each(|_| frames.count(&empty_continuation, second * SECOND_NS));
-            assert!(frames.check().is_ok());
+            assert!(!frames.is_new_flood());
         }
         (0..30).for_each(|_| frames.count(&empty_continuation, 100 * SECOND_NS));
-        assert_eq!(frames.check().unwrap_err().kind(), ErrorKind::QuotaExceeded);
-        assert!(frames.check().is_ok());
+        assert!(frames.is_new_flood());
+        assert!(!frames.is_new_flood());
     }
 
     #[test]
@@ -159,8 +151,8 @@ mod tests {
         // A frame that claims to be endless.
         frames.count(&[0x82, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff], 0);
         frames.count(&vec![0; 80_000], 0);
-        assert!(frames.check().is_ok());
+        assert!(!frames.is_new_flood());
         frames.count(&vec![0; 8_000], 0);
-        assert!(frames.check().is_err());
+        assert!(frames.is_new_flood());
     }
 }

@@ -34,6 +34,8 @@ pub(super) struct Visit {
     is_stream: AtomicBool,
     /// Tells its task to end.
     pub leave: Notify,
+    /// Tells its session that it sends too many frames.
+    pub flood: Notify,
 }
 
 /// A place, free again when dropped.
@@ -76,6 +78,7 @@ impl Places {
             bytes: AtomicU64::new(0),
             is_stream: AtomicBool::new(false),
             leave: Notify::new(),
+            flood: Notify::new(),
         });
         taken.push(visit.clone());
         Some(Place { places: self.clone(), visit })

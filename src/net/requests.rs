@@ -62,6 +62,7 @@ async fn needs_token(State(shared): State<Arc<Shared>>, request: Request, next: 
 async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let is_for_health = request.extensions().get::<Arc<Visit>>().is_some_and(|visit| visit.is_for_health);
     let is_busy = is_for_health && !HEALTH.contains(&request.uri().path());
+    let is_allowed = access::is_from_allowed(request.headers(), &shared.options());
     let mut response = if is_busy {
         shared.counters.refused.add(1);
         refused(StatusCode::SERVICE_UNAVAILABLE, "all connections are busy; try again later")
@@ -77,20 +78,22 @@ async fn needs_no_token(State(shared): State<Arc<Shared>>, request: Request, nex
     }
     headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.entry(CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
-    if shared.options().origins.is_empty() {
-        // Against pages from other sites that embed pictures, for which browsers send no origin.
-        headers.insert(CROSS_ORIGIN_RESOURCE_POLICY, HeaderValue::from_static("same-origin"));
-    }
+    // Against pages from other sites that embed pictures, for which browsers send no origin.
+    let who = if is_allowed { "cross-origin" } else { "same-origin" };
+    headers.insert(CROSS_ORIGIN_RESOURCE_POLICY, HeaderValue::from_static(who));
     response
 }
 
 async fn check(shared: &Shared, needs_token: bool, request: Request, next: Next) -> Response {
     let options = shared.options();
     let peer = request.extensions().get::<Peer>().copied();
-    match access::check(request.headers(), &options, &shared.names, needs_token) {
+    match access::check((request.version(), request.headers()), &options, &shared.names, needs_token) {
         Ok(()) => next.run(request).await,
         Err(refusal) => {
             shared.counters.refused.add(1);
+            if let Some(subject) = access::subject(request.headers(), refusal) {
+                shared.tell_of_refused(refusal, subject);
+            }
             let mut response = refused(refusal.status(), refusal.reason());
             if refusal == Refusal::Token {
                 shared.tell_of_stranger(peer);
@@ -145,7 +148,8 @@ async fn stream(
         // The buffer is cleared before every read, for every client.
         .read_buffer_size(wire::DEMAND_MAX_BYTES)
         .on_upgrade(move |socket| async move {
-            let session = Session::new(socket, &shared, phase, subscription, is_binary, options.patience);
+            let session =
+                Session::new(socket, &shared, visit, phase, subscription, is_binary, options.patience);
             session.run(peer).await;
             drop(slot);
         })

@@ -1,13 +1,13 @@
 //! One client to which lists are streamed.
 
 use super::board::Post;
+use super::places::Visit;
 use super::shared::{Phase, Shared};
 use super::turn::Turn;
 use crate::rt::{monotonic_ns, utc_from_monotonic_ns};
 use crate::wire::{Delivery, Subscription, binary, json};
 use axum::Error;
 use axum::extract::ws::{CloseCode, CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
-use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -24,6 +24,7 @@ const FAREWELL: Duration = Duration::from_millis(500);
 pub(super) struct Session {
     socket: WebSocket,
     shared: Arc<Shared>,
+    visit: Arc<Visit>,
     phase: watch::Receiver<Phase>,
     turn: Turn,
     is_binary: bool,
@@ -60,6 +61,7 @@ impl Session {
     pub fn new(
         socket: WebSocket,
         shared: &Arc<Shared>,
+        visit: Arc<Visit>,
         phase: watch::Receiver<Phase>,
         subscription: Subscription,
         is_binary: bool,
@@ -70,6 +72,7 @@ impl Session {
         Self {
             socket,
             shared: shared.clone(),
+            visit,
             phase,
             turn: Turn::new(subscription, first),
             is_binary,
@@ -112,14 +115,13 @@ impl Session {
                 received = self.socket.recv() => {
                     match received {
                         Some(Ok(message)) => self.receive(message).await?,
-                        Some(Err(error)) => {
-                            let end = end_of(error);
-                            let is_flood = matches!(end, End::Close(close_code::POLICY, _));
-                            self.shared.counters.floods.add(u64::from(is_flood));
-                            return Err(end);
-                        }
+                        Some(Err(error)) => return Err(end_of(error)),
                         None => return Err(End::Gone),
                     }
+                }
+                () = self.visit.flood.notified() => {
+                    self.shared.counters.floods.add(1);
+                    return Err(End::Close(close_code::POLICY, "too many messages"));
                 }
                 _ = self.phase.changed() => {
                     let is_ending = *self.phase.borrow_and_update() == Phase::Ending;
@@ -254,9 +256,6 @@ fn message_bytes(message: &Message) -> u64 {
 fn end_of(error: Error) -> End {
     match error.into_inner().downcast_ref::<tungstenite::Error>() {
         Some(tungstenite::Error::Capacity(_)) => End::Close(close_code::SIZE, "the message is too long"),
-        Some(tungstenite::Error::Io(error)) if error.kind() == ErrorKind::QuotaExceeded => {
-            End::Close(close_code::POLICY, "too many messages")
-        }
         Some(tungstenite::Error::Utf8(_)) => End::Close(close_code::INVALID, "text is UTF-8"),
         Some(tungstenite::Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => End::Gone,
         Some(tungstenite::Error::Protocol(_)) => {

@@ -1,6 +1,6 @@
 //! State that the connections of a server share.
 
-use super::access::Names;
+use super::access::{Names, Refusal};
 use super::burst::Burst;
 use super::room::Room;
 use super::{Board, ServerOptions};
@@ -10,6 +10,10 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use tokio::sync::watch;
+
+/// Most origins and names that are told to be refused, and the longest.
+const TOLD_MAX: usize = 32;
+const TOLD_MAX_BYTES: usize = 200;
 
 /// State that all connections share, and how many of them there may be.
 pub(super) struct Shared {
@@ -22,6 +26,8 @@ pub(super) struct Shared {
     pub maps: [Arc<tokio::sync::Mutex<Option<EncodedMap>>>; 2],
     options: RwLock<Arc<ServerOptions>>,
     clients: AtomicUsize,
+    /// Origins and names that were told to be refused.
+    told: Mutex<Vec<String>>,
     /// Requests without the token.
     strangers: Mutex<Burst>,
     phase: watch::Sender<Phase>,
@@ -80,6 +86,7 @@ impl Shared {
             maps: Default::default(),
             options: RwLock::new(Arc::new(options)),
             clients: AtomicUsize::new(0),
+            told: Mutex::default(),
             strangers: Mutex::default(),
             phase: watch::Sender::new(Phase::Serving(0)),
         }
@@ -99,6 +106,29 @@ impl Shared {
                     *rules += 1;
                 }
             });
+        }
+    }
+
+    /// Logs an origin or a name that is refused, once, and what lets it in: a browser shows its page nothing
+    /// of it.
+    pub fn tell_of_refused(&self, refusal: Refusal, subject: &str) {
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        // Somebody may invent more.
+        if told.len() >= TOLD_MAX
+            || subject.len() > TOLD_MAX_BYTES
+            || told.iter().any(|known| known == subject)
+        {
+            return;
+        }
+        told.push(subject.to_owned());
+        match refusal {
+            Refusal::Origin => tracing::warn!(
+                "pages of {subject} are refused; to let them connect, set [server] origins = [\"{subject}\"]"
+            ),
+            _ => tracing::warn!(
+                "requests to the name {subject:?} are refused; to let them in, listen on that name, or set [server] \
+                 origins = [\"http://{subject}\"]"
+            ),
         }
     }
 

@@ -9,7 +9,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 
 /// A connection that notes in its visit what the client takes. Once it is a stream of lists, the frames that
-/// the client sends are counted, and a flood of them is an error.
+/// the client sends are counted, and a flood of them is noted there.
 pub(super) struct Watched {
     stream: TcpStream,
     visit: Arc<Visit>,
@@ -38,7 +38,11 @@ impl AsyncRead for Watched {
         if !self.visit.is_stream() {
             return Pin::new(&mut self.stream).poll_read(context, buffer);
         }
-        self.frames.check()?;
+        if self.frames.is_new_flood() {
+            // The session ends, and reads the rest.
+            self.visit.flood.notify_one();
+            return Poll::Pending;
+        }
         let before = buffer.filled().len();
         let read = Pin::new(&mut self.stream).poll_read(context, buffer);
         self.frames.count(&buffer.filled()[before..], monotonic_ns());

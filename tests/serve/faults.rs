@@ -127,6 +127,49 @@ fn pages_of_others_and_other_names_for_this_machine_are_refused() {
     assert!(connect(request, address).unwrap_err().to_string().contains("403"));
 }
 
+/// The head of the answer to these bytes.
+fn answer(posting: &Posting, request: &str) -> String {
+    let mut stream = TcpStream::connect(posting.address()).unwrap();
+    stream.set_read_timeout(Some(LONG)).unwrap();
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer.split("\r\n\r\n").next().unwrap().to_owned()
+}
+
+#[test]
+fn this_machine_has_more_than_one_spelling_and_a_request_one_host() {
+    let posting = Posting::new(ServerOptions::default());
+    let port = posting.address().port();
+    for host in ["LOCALHOST", "localhost.", "LocalHost."] {
+        assert_eq!(
+            get(posting.address(), "/healthz", &[("Host", &format!("{host}:{port}"))]).0,
+            200,
+            "{host}"
+        );
+    }
+    assert!(answer(&posting, "GET /healthz HTTP/1.0\r\n\r\n").starts_with("HTTP/1.0 200"));
+    let two = format!("GET /healthz HTTP/1.1\r\nHost: localhost:{port}\r\nHost: evil.example\r\n\r\n");
+    assert!(answer(&posting, &two).starts_with("HTTP/1.1 400"));
+    let https = format!("https://localhost:{port}");
+    let own = [("Host", &*format!("localhost:{port}")), ("Origin", &https)];
+    assert_eq!(get(posting.address(), "/healthz", &own).0, 403, "the scheme of an origin counts");
+}
+
+#[test]
+fn an_origin_that_is_allowed_lets_nobody_else_embed() {
+    let origins = vec!["https://studio.example".to_owned()];
+    let posting = Posting::new(ServerOptions { origins, ..ServerOptions::default() });
+    let ask = |more: &str| {
+        answer(&posting, &format!("GET /healthz HTTP/1.1\r\nHost: {}\r\n{more}\r\n", posting.address()))
+    };
+    assert!(ask("").contains("cross-origin-resource-policy: same-origin"));
+    assert!(ask("Referer: https://evil.example/\r\n").contains("cross-origin-resource-policy: same-origin"));
+    assert!(
+        ask("Referer: https://studio.example/\r\n").contains("cross-origin-resource-policy: cross-origin")
+    );
+}
+
 #[test]
 fn a_message_of_ten_megabytes_is_refused_before_it_is_read() {
     let posting = Posting::new(ServerOptions::default());

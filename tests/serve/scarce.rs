@@ -246,7 +246,7 @@ fn what_a_reload_cannot_have_leaves_the_old_service_running() {
             good.replace("columns = 90\nrows = 23", "columns = 16384\nrows = 4096"),
             "the limit of the address space",
         ),
-        (good.clone() + "[filter]\ndelay_s = 6.0\n", "2.00 s are enough"),
+        (good.clone() + "[filter]\ndelay_s = 6.0\n", "1.76 s are enough"),
         (good.clone() + "[server]\ntoken_file = \"/dev/zero\"\n", "this one has 65537"),
     ] {
         std::fs::write(recording.configuration(), bad).unwrap();
@@ -268,4 +268,20 @@ fn what_a_reload_cannot_have_leaves_the_old_service_running() {
     running.signal("TERM");
     assert_eq!(running.child.wait().unwrap().code(), Some(0), "{}", running.said());
     assert!(signalled.elapsed().as_secs() < 4, "{:?}", signalled.elapsed());
+}
+
+#[test]
+fn a_page_that_is_refused_is_told_once_with_what_lets_it_in() {
+    let recording = endless(10);
+    let mut running = Running::start(recording.command().args(["--listen", "127.0.0.1:0"]));
+    for _ in 0..3 {
+        for origin in ["https://evil.example", "http://other.example:8080"] {
+            assert_eq!(get(running.address, "/lights", &[("Origin", origin)]).0, 403);
+        }
+    }
+    assert_eq!(get(running.address, "/lights", &[("Host", "evil.example")]).0, 403);
+    running.wait_for("set [server] origins = [\"https://evil.example\"]");
+    running.wait_for("set [server] origins = [\"http://other.example:8080\"]");
+    running.wait_for("requests to the name \"evil.example\" are refused");
+    assert_eq!(running.end().matches("are refused; to let them connect").count(), 2);
 }
