@@ -127,6 +127,7 @@ impl Panorama {
     }
 
     /// A shape with as many pixels as the file has, but at most `most_columns` columns.
+    #[cfg(feature = "render")]
     pub fn own_shape(&self, most_columns: usize) -> Result<PolarShape> {
         let Frame { width, height, .. } = self.frame;
         let columns = match self.kind {
