@@ -39,7 +39,7 @@ fn skins_move_vertices_with_normalised_weights() {
     // Without normals in the file triangles are flat, however they lie.
     let mut pose = Pose::default();
     scene.pose(0.0, &mut pose);
-    let normal = Vec3::new(-100.0, -50.0, 1.0).normalize();
+    let normal = Vec3::new(-100.0, -50.0, 1.0).normalize_or_zero();
     assert!(pose.vertices().iter().all(|vertex| Vec3::from(vertex.normal).abs_diff_eq(normal, 1e-5)));
     assert_eq!(scene.notes, load(&Document::triangle()).notes);
 
