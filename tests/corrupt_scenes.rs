@@ -7,6 +7,9 @@
 #![cfg(feature = "render")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "../examples/walking_figure.rs"]
+mod figure;
+
 use lightcast::error::Kind;
 use lightcast::scene::{Pose, Scene};
 use std::fs;
@@ -213,6 +216,13 @@ fn mutated_ply_files_never_panic() {
         }
         survive(&format!("{format}.ply"), &bytes, header.len(), 0xd1b5_4a32_d192_ed03);
     }
+}
+
+#[test]
+fn mutated_figures_never_panic() {
+    let glb = figure::walking_figure();
+    let text = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]) as usize;
+    survive("figure.glb", &glb, 20 + text, 0xbf58_476d_1ce4_e5b9);
 }
 
 #[test]

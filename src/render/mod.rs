@@ -16,6 +16,8 @@ mod ambient;
 pub mod budget;
 mod directional;
 mod emitters;
+#[cfg(test)]
+mod figure_tests;
 mod geometry;
 #[cfg(test)]
 mod golden_tests;
@@ -37,6 +39,8 @@ mod role_tests;
 mod shader_tests;
 #[cfg(test)]
 mod test_scenes;
+#[cfg(test)]
+mod texture_tests;
 mod view;
 mod world;
 
