@@ -6,6 +6,7 @@
 # make fuzz      ten million damaged messages for all decoders of the protocol; part of make test with fewer
 # make soak      ten minutes of a raw camera of 1024 x 1024 at 60 frames per second, recorded too
 # make soak-clients  an hour of clients that come and go: memory, file handles and threads of the service
+# make attack    bounded attacks on a service on this machine, by idle, slow and rude clients, as a table
 # make load      a thousand clients at 25 lists per second: age of the lists, processor time, memory
 # make bench     speed of every step, as a table with the published figures beside it
 # make bench-peers  speed and error beside OpenCV, NumPy, SciPy, Mitsuba and OpenEXR (needs Python with venv)
@@ -26,7 +27,7 @@
 CARGO_FLAGS = --locked
 DATA = $(or $(LIGHTCAST_DATA),../shared/data)
 
-.PHONY: install demo test test-camera test-camera-broken fuzz soak soak-clients load bench bench-peers cost report tables stability pictures speed path-tracer results system-packages test-packages
+.PHONY: install demo test test-camera test-camera-broken fuzz soak soak-clients attack load bench bench-peers cost report tables stability pictures speed path-tracer results system-packages test-packages
 
 system-packages:
 	@.ci/system-packages
@@ -80,6 +81,10 @@ soak: system-packages
 
 soak-clients: test-packages
 	LIGHTCAST_SOAK_S=3600 cargo test $(CARGO_FLAGS) --test serve -- --nocapture clients_that_come_and_go
+
+attack: system-packages
+	cargo build $(CARGO_FLAGS) --release
+	python3 tests/attack/attack.py target/release/lightcast
 
 load: system-packages
 	cargo bench $(CARGO_FLAGS) --bench load

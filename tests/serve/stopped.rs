@@ -125,12 +125,12 @@ fn watch_does_not_grow_under_a_server_that_pings_and_reads_nothing() {
     // A megabyte of pings.
     let pings = [&[0x89, 125][..], &[7; 125]].concat().repeat(8_000);
     let mut told = Vec::new();
-    for _ in 0..48 {
-        socket.get_mut().write_all(&pings).unwrap();
+    // After some time it gives up a server that takes nothing.
+    while told.len() < 48 && socket.get_mut().write_all(&pings).is_ok() {
         told.push(resident_kb());
     }
-    println!("{} kB after 12 MB of pings, {} kB after 48 MB", told[11], told[47]);
-    assert!(told[47] < told[11] + 8192, "{told:?}");
+    println!("{told:?} kB after so many MB of pings");
+    assert!(told.len() > 8 && told[told.len() - 1] < told[4] + 8192, "{told:?}");
     watch.kill().unwrap();
     watch.wait().unwrap();
 }
