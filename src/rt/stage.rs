@@ -17,8 +17,8 @@ pub trait Stage: Send {
     ///
     /// # Errors
     /// Kind `BadFrame`: this input is lost; it is counted, also in the `lost_before` of the next one. Kind
-    /// `NotNow`: the same step is taken again, with growing waits; once an end is asked for, the input is lost.
-    /// Any other kind ends the service.
+    /// `NotNow`: the same step is taken again, with growing waits; once an end is asked for, the input is
+    /// lost. Any other kind ends the service.
     fn step(&mut self, input: &Self::Input, output: &mut Self::Output) -> Result<Flow>;
 
     /// Called once, when no step will follow; `is_complete` says whether all inputs were processed.
@@ -156,8 +156,7 @@ pub enum Ended {
 }
 
 /// Runs `stage` until its inlet or outlet closes, it ends or fails, and then finishes it. Bad frames are
-/// counted, and each is named once in the log (the first [`BAD_FRAMES_NAMED`] of a stage; more would bury
-/// everything else).
+/// counted, and each is named once in the log (the first ten of a stage; more would bury everything else).
 ///
 /// # Errors
 /// Those of [`Stage::step`] except bad frames, and those of [`Stage::finish`].

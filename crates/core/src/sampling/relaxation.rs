@@ -14,10 +14,9 @@ pub fn sample_points(count: usize, relaxation_steps: usize) -> Vec<[f64; 2]> {
     points
 }
 
-/// One step of Lloyd's relaxation on the torus: every point of the unit square moves to the mean of the
-/// [`LATTICE`] x [`LATTICE`] lattice points (at cell centres) that are nearest to it. A few steps bring a
-/// Halton set towards blue noise. Coordinates stay in [0, 1); of two coinciding points the first gets the
-/// cell and the other stays.
+/// One step of Lloyd's relaxation on the torus: every point of the unit square moves to the mean of the 256 x
+/// 256 lattice points (at cell centres) that are nearest to it. A few steps bring a Halton set towards blue
+/// noise. Coordinates stay in [0, 1); of two coinciding points the first gets the cell and the other stays.
 pub fn relax(points: &mut [[f64; 2]]) {
     if points.is_empty() {
         return;
