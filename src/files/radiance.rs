@@ -224,6 +224,10 @@ fn meaning(header: &str) -> Result<Meaning> {
                     ))
                     .at(place()));
                 };
+                // What programs write that know none, many panoramas for sale among their pictures.
+                if numbers.iter().flatten().all(|number| *number == 0.0) {
+                    continue;
+                }
                 let [red, green, blue, white] =
                     [[rx, ry], [gx, gy], [bx, by], [wx, wy]].map(DVec2::from_array);
                 let primaries = Primaries { red, green, blue, white };
@@ -349,6 +353,8 @@ mod tests {
 
     #[test]
     fn primaries_are_converted() {
+        let none = "#?RADIANCE\nPRIMARIES=0 0 0 0 0 0 0 0\n\n-Y 1 +X 2\n";
+        assert_eq!(picture(none, &PIXELS).unwrap()[..3], [1.0, 0.5, 0.25]);
         let srgb = "#?RADIANCE\nPRIMARIES=.64 .33 .3 .6 .15 .06 .3127 .329\n\n-Y 1 +X 2\n";
         assert_eq!(picture(srgb, &PIXELS).unwrap()[..3], [1.0, 0.5, 0.25]);
         // XYZ (1, 0.5, 0.25), by the published inverse of the matrix of sRGB.

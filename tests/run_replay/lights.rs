@@ -84,7 +84,7 @@ fn lights_tells_what_is_wrong_and_where() {
     ] {
         assert_eq!(lights(&map, &options).status.code(), Some(2), "{options:?}");
     }
-    write_exr(&map, &panorama(32, 32, 1), None, false).unwrap();
+    write_exr(&map, &panorama(48, 32, 1), None, false).unwrap();
     let output = lights(&map, &[]);
     assert!(output.status.success() && stderr(&output).contains("twice as wide"), "{}", stderr(&output));
 }
