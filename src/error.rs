@@ -6,7 +6,7 @@ mod text_file;
 mod toml_text;
 
 pub use place::Place;
-pub use text_file::read_at_most;
+pub use text_file::{read_at_most, without_mark};
 pub use toml_text::TomlText;
 
 use std::fmt;

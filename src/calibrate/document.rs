@@ -10,7 +10,7 @@ const XML_DEPTH_MAX: usize = 16;
 
 /// Reads a document of any of the three notations.
 pub(super) fn parse(text: &str) -> Result<Value> {
-    let text = text.trim_start_matches('\u{feff}').trim_start();
+    let text = text.trim_start();
     if text.starts_with('{') {
         serde_json::from_str(text).map_err(|error| Error::usage("is not valid JSON").because(error))
     } else if text.starts_with('<') {

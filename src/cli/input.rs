@@ -1,7 +1,7 @@
 //! The inputs of a command, distinguished by their names, and on standard input by the first bytes.
 
 use super::standard_input::StandardInput;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, without_mark};
 use crate::rt::Shutdown;
 use crate::wire::ListFile;
 use std::ffi::OsStr;
@@ -87,8 +87,7 @@ impl Input {
     /// Lists begin with a brace, pictures with a magic number.
     fn of_first_bytes(bytes: &[u8]) -> Result<Self> {
         let path = PathBuf::from(STANDARD_INPUT);
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        match bytes.trim_ascii_start() {
+        match without_mark(bytes).trim_ascii_start() {
             [] | [b'{', ..] => Ok(Self::Lists(path)),
             [0x76, 0x2f, 0x31, 0x01, ..] | [b'#', b'?', ..] => Ok(Self::Panorama(path)),
             // Refused with a sentence of its own: these have codes, not radiance.

@@ -6,6 +6,11 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+/// A text without the byte order mark that programs on Windows put before it.
+pub fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
+}
+
 /// How long the writer of a pipe is waited for.
 const PIPE_WITHIN: Duration = Duration::from_secs(5);
 
@@ -19,15 +24,11 @@ pub fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let flags = OFlags::NONBLOCK.bits() as i32;
     let file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
     let is_file = file.metadata()?.is_file();
-    let without_mark = |bytes: Vec<u8>| match bytes.strip_prefix(b"\xef\xbb\xbf") {
-        Some(text) => text.to_vec(),
-        None => bytes,
-    };
     let mut reader = (&file).take(most.saturating_add(1));
     let mut bytes = Vec::new();
     if is_file {
         reader.read_to_end(&mut bytes)?;
-        return Ok(without_mark(bytes));
+        return Ok(without_mark(&bytes).to_vec());
     }
     let deadline = Instant::now() + PIPE_WITHIN;
     loop {
@@ -38,7 +39,7 @@ pub fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
         }
         // Bytes that came before a pipe ran dry are kept.
         match reader.read_to_end(&mut bytes) {
-            Ok(_) => return Ok(without_mark(bytes)),
+            Ok(_) => return Ok(without_mark(&bytes).to_vec()),
             Err(error) if error.kind() == ErrorKind::WouldBlock => {}
             Err(error) => return Err(error),
         }

@@ -20,6 +20,7 @@ mod summary;
 
 pub use ends::{Ends, ListReader, Output, Pictures};
 pub use opened_source::OpenedSource;
+use prepared::Input;
 pub use prepared::Prepared;
 pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
@@ -32,7 +33,6 @@ use crate::rt::link::{self, Item};
 use crate::rt::{Counter, Metrics, Shutdown};
 use crate::stage;
 use graph::{Departure, Graph, Running};
-use lightcast_core::camera::{FrameToPolar, Response};
 use lightcast_core::image::{Frame, PolarMap};
 use lightcast_core::light::ReferencedList;
 use lightcast_core::light::{Extractor, LightList};
@@ -91,10 +91,10 @@ impl Service {
         ends: Ends,
         shutdown: &Shutdown,
     ) -> Result<Self> {
-        let (source, calibrate) = prepared.take_source(config)?;
-        let frame_count = source.frame_count();
+        let input = prepared.take_input(config)?;
+        let frame_count = input.source.frame_count();
         let board = ends.board.clone();
-        let running = light_graph(config, source, (calibrate, prepared), ends, shutdown)?.start()?;
+        let running = light_graph(config, input, prepared, ends, shutdown)?.start()?;
         if let Some(board) = &board {
             board.show_stages(running.summary.stages().to_vec());
         }
@@ -179,13 +179,14 @@ impl Service {
 /// All stages that make lights of frames, and all recipients of the lights, in the order of the data.
 fn light_graph(
     config: &Config,
-    source: OpenedSource,
-    made: Made,
+    input: Input,
+    prepared: Prepared,
     mut ends: Ends,
     shutdown: &Shutdown,
 ) -> Result<Graph> {
     let wants_lists = ends.want_lists();
-    let opened = Opened::new(config, &source, made, &mut ends, shutdown)?;
+    let Input { source, frame_to_polar, response, delay_frames } = input;
+    let opened = Opened::new(config, &source, &mut ends, shutdown)?;
     let Ends { maps: maps_in, lists: lists_in, board, pictures, readers, .. } = ends;
     // Where clients are served, an end that goes or is slow is its own affair.
     let (waits, departure) = match (&board, config.links) {
@@ -206,7 +207,9 @@ fn light_graph(
         return Ok(graph);
     }
     let frames = frames.next(connect(config.links, shutdown, Frame::default));
-    let maps = graph.stage(opened.calibrate.0, opened.calibrate.1, frames, black());
+    let metrics = Metrics::new("calibrate");
+    let calibrate = stage::Calibrate::new(frame_to_polar, response, &metrics);
+    let maps = graph.stage(metrics, calibrate, frames, black());
     if let Some(maps_in) = maps_in {
         maps.copies((maps_in, ()), 1);
     }
@@ -217,7 +220,7 @@ fn light_graph(
     let picture = pictures.map(|Pictures { folder, every }| {
         // A map waits for its list until the filter outputs it; with less room the maps' stage would block,
         // and with it the list that the map waits for.
-        let waiting = u64::from(opened.delay_frames) / every.max(1) + 1;
+        let waiting = u64::from(delay_frames) / every.max(1) + 1;
         let metrics = Metrics::new("picture");
         let link = files.link(LINK_CAPACITY + waiting as usize, metrics.drops.clone(), black);
         let drops = metrics.drops.clone();
@@ -228,10 +231,12 @@ fn light_graph(
         return Ok(graph);
     }
     let maps = maps.next(connect(config.links, shutdown, black));
-    let lists = graph.stage(Metrics::new("light"), opened.light, maps, ReferencedList::default());
+    let lists =
+        graph.stage(Metrics::new("light"), stage::Light(prepared.light), maps, ReferencedList::default());
 
     let lists = lists.next(connect(config.links, shutdown, ReferencedList::default));
-    let filtered = graph.stage(Metrics::new("filter"), opened.filter, lists, ReferencedList::default());
+    let filtered =
+        graph.stage(Metrics::new("filter"), stage::Filter(prepared.filter), lists, ReferencedList::default());
     if let Some(lists_in) = lists_in {
         filtered.copies((lists_in, ()), 1);
     }
@@ -262,32 +267,15 @@ fn light_graph(
 
 type Recorder = (Arc<Metrics>, stage::Record, (link::Sender<Frame>, link::Receiver<Frame>));
 
-/// What was made of a configuration before its source and its ends were opened.
-type Made = ((FrameToPolar, Response), Prepared);
-
-/// Everything that can fail, opened and checked before a thread is started.
+/// The ends that can fail, opened and checked before a thread is started.
 struct Opened {
-    calibrate: (Arc<Metrics>, stage::Calibrate),
-    light: stage::Light,
-    filter: stage::Filter,
-    delay_frames: u32,
     recorder: Option<Recorder>,
     publish: Option<stage::Publish<Box<dyn Write + Send>>>,
 }
 
 impl Opened {
     /// The output comes last: a start that fails does not touch an existing file.
-    fn new(
-        config: &Config,
-        source: &OpenedSource,
-        ((frame_to_polar, response), prepared): Made,
-        ends: &mut Ends,
-        shutdown: &Shutdown,
-    ) -> Result<Self> {
-        let metrics = Metrics::new("calibrate");
-        let calibrate = stage::Calibrate::new(frame_to_polar, response, &metrics);
-        let (light, filter) = (stage::Light(prepared.light), stage::Filter(prepared.filter));
-        let delay_frames = taps(config, source)?.delay_frames();
+    fn new(config: &Config, source: &OpenedSource, ends: &mut Ends, shutdown: &Shutdown) -> Result<Self> {
         let recorder = match &ends.recording {
             None => None,
             Some(options) => {
@@ -308,7 +296,7 @@ impl Opened {
             None => None,
             Some(Output { name, open }) => Some(stage::Publish::new(open()?, name)),
         };
-        Ok(Self { calibrate: (metrics, calibrate), light, filter, delay_frames, recorder, publish })
+        Ok(Self { recorder, publish })
     }
 }
 

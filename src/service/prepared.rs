@@ -11,10 +11,18 @@ use lightcast_core::light::Extractor;
 /// A checked configuration, and what takes a while to make of it. A camera is opened only when the service
 /// starts: another one may have it.
 pub struct Prepared {
-    source: Option<OpenedSource>,
-    calibrate: Option<(FrameToPolar, Response)>,
+    input: Option<Input>,
     pub(super) light: Extractor,
     pub(super) filter: RateFilter,
+}
+
+/// The source, opened, and what only its format decides.
+pub(super) struct Input {
+    pub source: OpenedSource,
+    pub frame_to_polar: FrameToPolar,
+    pub response: Response,
+    /// By how many frames the filter delays the lights.
+    pub delay_frames: u32,
 }
 
 impl Prepared {
@@ -24,41 +32,41 @@ impl Prepared {
     /// Those of [`Service::start`](super::Service::start), except those that show only when a camera is
     /// opened; kind `Usage` where the map does not fit into memory.
     pub fn new(config: &Config) -> Result<Self> {
-        memory::check(config)?;
-        let (light, filter) = (extractor(config)?, filter(config)?);
+        let prepared = Self::without_input(config)?;
         camera::calibration(config)?;
-        let mut prepared = Self { source: None, calibrate: None, light, filter };
-        if matches!(config.source, SourceOptions::Sequence(_)) {
-            prepared.set_source(config, OpenedSource::open(config)?)?;
+        match config.source {
+            SourceOptions::Sequence(_) => {
+                Ok(Self { input: Some(Input::of(config, OpenedSource::open(config)?)?), ..prepared })
+            }
+            #[cfg(feature = "camera")]
+            SourceOptions::Camera(..) => Ok(prepared),
         }
-        Ok(prepared)
     }
 
     /// As [`Self::new`], with frames from `source`.
     pub(super) fn with(config: &Config, source: OpenedSource) -> Result<Self> {
+        let prepared = Self::without_input(config)?;
+        Ok(Self { input: Some(Input::of(config, source)?), ..prepared })
+    }
+
+    fn without_input(config: &Config) -> Result<Self> {
         memory::check(config)?;
-        let (light, filter) = (extractor(config)?, filter(config)?);
-        let mut prepared = Self { source: None, calibrate: None, light, filter };
-        prepared.set_source(config, source)?;
-        Ok(prepared)
+        Ok(Self { input: None, light: extractor(config)?, filter: filter(config)? })
     }
 
-    fn set_source(&mut self, config: &Config, source: OpenedSource) -> Result<()> {
-        self.calibrate = Some(camera::frame_to_polar(config, source.format(), source.name())?);
-        taps(config, &source)?;
-        self.source = Some(source);
-        Ok(())
-    }
-
-    /// The source, opened, and what makes polar maps of its frames.
-    pub(super) fn take_source(
-        &mut self,
-        config: &Config,
-    ) -> Result<(OpenedSource, (FrameToPolar, Response))> {
-        if self.source.is_none() {
-            self.set_source(config, OpenedSource::open(config)?)?;
+    /// The input, which is opened now if it is a camera.
+    pub(super) fn take_input(&mut self, config: &Config) -> Result<Input> {
+        match self.input.take() {
+            Some(input) => Ok(input),
+            None => Input::of(config, OpenedSource::open(config)?),
         }
-        let source = self.source.take().expect("it was opened");
-        Ok((source, self.calibrate.take().expect("it is made with the source")))
+    }
+}
+
+impl Input {
+    fn of(config: &Config, source: OpenedSource) -> Result<Self> {
+        let (frame_to_polar, response) = camera::frame_to_polar(config, source.format(), source.name())?;
+        let delay_frames = taps(config, &source)?.delay_frames();
+        Ok(Self { source, frame_to_polar, response, delay_frames })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::MESSAGE_MAX_BYTES;
 use super::list::read_list;
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Place, Result, without_mark};
 use lightcast_core::light::LightList;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -48,16 +48,17 @@ impl ListFile {
                 return Ok(false);
             }
             self.line_number += 1;
-            if self.line_number == 1 && self.line.starts_with(b"\xef\xbb\xbf") {
-                self.line.drain(..3);
-            }
-            if self.line.trim_ascii().is_empty() {
+            let line = match self.line_number {
+                1 => without_mark(&self.line),
+                _ => &self.line,
+            };
+            if line.trim_ascii().is_empty() {
                 continue;
             }
             let parsed = if length as u64 > LINE_MAX_BYTES {
                 Err(Error::failed(format!("is longer than {LINE_MAX_BYTES} bytes: no light list is")))
             } else {
-                read_list(self.line.trim_ascii(), list)
+                read_list(line.trim_ascii(), list)
             };
             return parsed
                 .map(|()| true)

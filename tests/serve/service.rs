@@ -125,16 +125,19 @@ fn make_pipe(path: &Path) {
     assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
 }
 
+/// Makes a pipe; its reader, once somebody opens it to write.
+fn reader_of_pipe(path: &Path) -> std::thread::JoinHandle<fs::File> {
+    make_pipe(path);
+    let path = path.to_owned();
+    let open = move || fs::File::open(path).unwrap();
+    std::thread::Builder::new().name("pipe".into()).spawn(open).unwrap()
+}
+
 #[test]
 fn a_reader_of_the_output_that_has_stopped_holds_up_no_client_no_reload_and_no_end() {
     let recording = endless();
     let pipe = recording.path().join("lists");
-    make_pipe(&pipe);
-    let reader = {
-        let pipe = pipe.clone();
-        let open = move || fs::File::open(pipe).unwrap();
-        std::thread::Builder::new().name("pipe".into()).spawn(open).unwrap()
-    };
+    let reader = reader_of_pipe(&pipe);
     let mut command = recording.command();
     command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&pipe);
     let mut running = Running::start(&mut command);
@@ -172,12 +175,7 @@ fn drops(running: &Running, stage: &str) -> u64 {
 fn an_output_whose_reader_has_gone_ends_alone_and_says_so() {
     let recording = endless();
     let pipe = recording.path().join("lists");
-    make_pipe(&pipe);
-    let reader = {
-        let pipe = pipe.clone();
-        let open = move || fs::File::open(pipe).unwrap();
-        std::thread::Builder::new().name("pipe".into()).spawn(open).unwrap()
-    };
+    let reader = reader_of_pipe(&pipe);
     let mut command = recording.command();
     command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&pipe);
     let mut running = Running::start(&mut command);

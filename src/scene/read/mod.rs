@@ -16,11 +16,10 @@ pub use files::MAX_BYTES;
 pub(super) use files::short;
 
 use super::{Pose, Scene};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, without_mark};
 use files::{Files, contained};
 use glam::Mat4;
 use lightcast_core::math;
-use plain_text::without_mark;
 use std::path::Path;
 
 /// Largest coordinate in the world at time 0: its square and its fourth power are still finite as f32.

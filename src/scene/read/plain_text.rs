@@ -1,14 +1,7 @@
 //! The text of OBJ and MTL files as their readers want it.
 
+use crate::error::without_mark;
 use std::borrow::Cow;
-
-/// The bytes that a text in UTF-8 may begin with, as programs on Windows write.
-const MARK: &[u8] = b"\xef\xbb\xbf";
-
-/// Without a byte order mark.
-pub(super) fn without_mark(bytes: &[u8]) -> &[u8] {
-    bytes.strip_prefix(MARK).unwrap_or(bytes)
-}
 
 /// A text without a mark, in UTF-8 (what is not is taken as Latin-1, which gives every name one of its own),
 /// and with continued lines (`\` at the end) joined: empty lines make up for those, so that lines keep their

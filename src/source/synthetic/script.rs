@@ -222,18 +222,7 @@ impl Keys {
             (None, Some(fisheye)) => fisheye.check().map_err(|error| error.at(Place::key("fisheye")))?,
             _ => return Err(Error::usage("lat_long or fisheye: one of the two sections must be there")),
         };
-        let (width, height) = (projection.width(), projection.height());
-        // Pictures that could not be read back are refused.
-        if !(1..=MAX_SIDE_PX).contains(&width)
-            || !(1..=MAX_SIDE_PX).contains(&height)
-            || width * height > MAX_PIXELS
-        {
-            let section = if self.fisheye.is_some() { "fisheye" } else { "lat_long" };
-            return fault(
-                section,
-                &format!("width and height must be 1 to {MAX_SIDE_PX}, at most {MAX_PIXELS} pixels in all"),
-            );
-        }
+        self.check_size(&projection)?;
         let codes = !response.is_identity();
         let extension = if codes { ".png" } else { ".exr" };
         if !self.name.ends_with(extension) {
@@ -271,6 +260,21 @@ impl Keys {
             view: FrameView { projection, world_from_camera },
             response,
         })
+    }
+
+    /// Refuses pictures that could not be read back.
+    fn check_size(&self, projection: &Projection) -> Result<()> {
+        let (width, height) = (projection.width(), projection.height());
+        if (1..=MAX_SIDE_PX).contains(&width)
+            && (1..=MAX_SIDE_PX).contains(&height)
+            && width * height <= MAX_PIXELS
+        {
+            return Ok(());
+        }
+        let section = if self.fisheye.is_some() { "fisheye" } else { "lat_long" };
+        let fault =
+            format!("width and height must be 1 to {MAX_SIDE_PX}, at most {MAX_PIXELS} pixels in all");
+        Err(Error::usage(fault).at(Place::key(section)))
     }
 }
 
