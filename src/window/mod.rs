@@ -91,7 +91,7 @@ impl Display {
         shutdown: &Shutdown,
     ) -> Result<()> {
         let start = Start { settings, scene, source, camera };
-        let mut app = App { start: Some(start), view: None, outcome: Ok(()), shutdown };
+        let mut app = App { start: Some(start), open: None, outcome: Ok(()), shutdown };
         let ran = self.0.run_app(&mut app);
         app.outcome?;
         ran.map_err(|error| Error::failed("the display was lost").because(error))
@@ -109,7 +109,7 @@ struct Start<'a> {
 struct App<'a> {
     /// `Some` until the window is open.
     start: Option<Start<'a>>,
-    view: Option<OpenWindow>,
+    open: Option<OpenWindow>,
     outcome: Result<()>,
     shutdown: &'a Shutdown,
 }
@@ -129,21 +129,21 @@ impl ApplicationHandler for App<'_> {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
         if let Some(start) = self.start.take() {
             match OpenWindow::open(event_loop, start.settings, start.scene, start.source, start.camera) {
-                Ok(view) => self.view = Some(view),
+                Ok(open) => self.open = Some(open),
                 Err(error) => self.end_on_error(event_loop, Err(error)),
             }
         }
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        let Some(view) = &mut self.view else { return };
+        let Some(open) = &mut self.open else { return };
         let outcome = match event {
             WindowEvent::CloseRequested => {
                 event_loop.exit();
                 Ok(())
             }
-            WindowEvent::Resized(size) => view.resize([size.width, size.height]),
-            WindowEvent::RedrawRequested => view.draw(Instant::now()),
+            WindowEvent::Resized(size) => open.resize([size.width, size.height]),
+            WindowEvent::RedrawRequested => open.draw(Instant::now()),
             WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
                 match Command::of(&event.logical_key) {
                     Some(Command::Close) => {
@@ -151,12 +151,12 @@ impl ApplicationHandler for App<'_> {
                         Ok(())
                     }
                     // A held key would toggle freezing many times a second.
-                    Some(command) if !event.repeat => view.obey(command),
+                    Some(command) if !event.repeat => open.obey(command),
                     _ => Ok(()),
                 }
             }
             event => {
-                view.point(&event);
+                open.point(&event);
                 Ok(())
             }
         };
@@ -169,14 +169,14 @@ impl ApplicationHandler for App<'_> {
             return;
         }
         let now = Instant::now();
-        if let Some(view) = &mut self.view {
-            view.watch(now);
+        if let Some(open) = &mut self.open {
+            open.watch(now);
         }
         event_loop.set_control_flow(ControlFlow::WaitUntil(now + WATCH));
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
         // The surface must be dropped before the display.
-        self.view = None;
+        self.open = None;
     }
 }

@@ -105,7 +105,7 @@ impl OpenWindow {
         let first_camera = camera(&renderer)?;
         let quality = reserved(&renderer.options().directional);
         let inset = Inset::new(renderer.gpu(), map, options.directional.lights, screen.format());
-        let mut view = Self {
+        let mut open = Self {
             screen,
             renderer,
             window,
@@ -141,10 +141,10 @@ impl OpenWindow {
             last_title: None,
             rests_until: opened,
         };
-        let size = view.window.inner_size();
-        view.resize([size.width, size.height])?;
+        let size = open.window.inner_size();
+        open.resize([size.width, size.height])?;
         tracing::info!("window: {} x {} pixels; h prints the keys", size.width, size.height);
-        Ok(view)
+        Ok(open)
     }
 
     /// Adapts to the size of the window. Nothing is drawn on a window without pixels.
