@@ -7,11 +7,13 @@
 //!
 //! A frame is streamed once, in bands of rows that are turned into radiance in a buffer that stays in the
 //! second-level cache (`area_matrix`). A mosaic is not demosaiced: its pixels at one position in the period
-//! form a picture of their own (`mosaic`), and every colour comes straight from the pixels that saw it.
+//! form a picture of their own (`mosaic`), and every colour comes straight from the pixels that saw it. An
+//! upright lat-long picture needs no matrix (`lat_long`).
 
 use super::area_matrix::AreaMatrix;
 use super::band_kernels::{PLANE, decode_codes, decode_radiance};
 use super::footprints::Footprints;
+use super::lat_long::LatLongWeights;
 use super::mosaic::Mosaic;
 use super::response::CodeLookup;
 use super::{ColourMatrix, PixelCounts, Projection, Response};
@@ -19,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::image::{Bayer, Frame, Pixels, PolarMap, PolarShape};
 use glam::{DMat3, DQuat, DVec3};
 
-/// The sparse matrix from a frame's pixels to a polar map's, for one lens, rotation and map.
+/// The weights of a frame's pixels in a polar map's, for one lens, rotation and map.
 #[derive(Clone, Debug)]
 pub struct FrameToPolar {
     width: usize,
@@ -40,21 +42,36 @@ enum Weights {
     /// Every pixel has all channels.
     Whole(Box<AreaMatrix>),
     Mosaic(Mosaic),
+    /// Every pixel has all channels, and those of the map are seen whole.
+    LatLong(LatLongWeights),
 }
 
 impl FrameToPolar {
-    /// Computes the matrix, which takes seconds for millions of pixels. `world_from_camera` is a rotation;
-    /// the default is [`super::LOOKING_UP`] for a fisheye and the identity for a lat-long picture.
+    /// Computes the weights, which takes seconds for millions of pixels, unless the picture is lat-long and
+    /// upright. `world_from_camera` is a rotation; the default is [`super::LOOKING_UP`] for a fisheye and the
+    /// identity for a lat-long picture.
     ///
     /// # Errors
     /// `Usage` for a matrix that is not a rotation, and for frames beyond 65,535 a side or 2^27 pixels in
     /// all.
     pub fn new(projection: &Projection, world_from_camera: DMat3, shape: PolarShape) -> Result<Self> {
         let world_from_camera = check(projection, world_from_camera)?;
+        match *projection {
+            Projection::LatLong { width, height, centres } if world_from_camera == DMat3::IDENTITY => {
+                let weights = Weights::LatLong(LatLongWeights::new(width, height, centres, shape));
+                Ok(Self::with_weights(projection, shape, weights, vec![1.0; shape.len()]))
+            }
+            _ => Ok(Self::by_matrix(projection, world_from_camera, shape)),
+        }
+    }
+
+    /// With a matrix, whatever the projection; all has been checked.
+    pub(super) fn by_matrix(projection: &Projection, world_from_camera: DMat3, shape: PolarShape) -> Self {
         let mut coverage_sr = vec![0.0; shape.len()];
         let footprints = Footprints::new(projection, world_from_camera);
         let matrix = AreaMatrix::new(footprints, shape, 1.0, &mut coverage_sr);
-        Ok(Self::with_weights(projection, shape, Weights::Whole(Box::new(matrix)), &coverage_sr))
+        let weights = Weights::Whole(Box::new(matrix));
+        Self::with_weights(projection, shape, weights, fractions(&coverage_sr, shape))
     }
 
     /// The same for frames of a mosaic sensor, whose codes have one colour per pixel. A pixel of the frame
@@ -72,22 +89,22 @@ impl FrameToPolar {
         let world_from_camera = check(projection, world_from_camera)?;
         let mut coverage_sr = vec![0.0; shape.len()];
         let mosaic = Mosaic::new(projection, bayer, world_from_camera, shape, &mut coverage_sr)?;
-        Ok(Self::with_weights(projection, shape, Weights::Mosaic(mosaic), &coverage_sr))
+        let weights = Weights::Mosaic(mosaic);
+        Ok(Self::with_weights(projection, shape, weights, fractions(&coverage_sr, shape)))
     }
 
     fn with_weights(
         projection: &Projection,
         shape: PolarShape,
         weights: Weights,
-        coverage_sr: &[f64],
+        coverage: Vec<f32>,
     ) -> Self {
-        let coverage = |(cell, sr)| (sr / shape.pixel_solid_angle(cell / shape.columns())) as f32;
         Self {
             width: projection.width(),
             height: projection.height(),
             shape,
             weights,
-            coverage: coverage_sr.iter().enumerate().map(coverage).collect(),
+            coverage,
             rec709_from_sensor: None,
             radiance: vec![0.0; 3 * PLANE],
             sums: vec![0.0; 3 * shape.len()],
@@ -112,11 +129,12 @@ impl FrameToPolar {
         &self.coverage
     }
 
-    /// Bytes of the matrix that every frame streams.
+    /// Bytes of the weights that every frame streams.
     pub fn streamed_bytes(&self) -> usize {
         match &self.weights {
             Weights::Whole(matrix) => matrix.streamed_bytes(),
             Weights::Mosaic(mosaic) => mosaic.streamed_bytes(),
+            Weights::LatLong(weights) => weights.bytes(),
         }
     }
 
@@ -135,7 +153,7 @@ impl FrameToPolar {
     pub fn apply(&mut self, frame: &Frame, response: &Response, map: &mut PolarMap) -> Result<PixelCounts> {
         self.check_frame(frame, response)?;
         let lookup = response.lookup();
-        let (counts, channels) = match (&self.weights, &frame.pixels) {
+        let (counts, channels) = match (&mut self.weights, &frame.pixels) {
             (Weights::Mosaic(mosaic), Pixels::Codes(codes)) => {
                 self.sums.fill(0.0);
                 let (planes, _) = self.radiance.as_chunks_mut::<PLANE>();
@@ -145,6 +163,11 @@ impl FrameToPolar {
                 let sums = &mut self.sums[..frame.channels * self.shape.len()];
                 sums.fill(0.0);
                 (add_whole(matrix, frame, lookup, &mut self.radiance, sums), frame.channels)
+            }
+            (Weights::LatLong(weights), _) => {
+                let sums = &mut self.sums[..frame.channels * self.shape.len()];
+                sums.fill(0.0);
+                (weights.add(frame, lookup, &mut self.radiance, sums), frame.channels)
             }
             (Weights::Mosaic(_), Pixels::Radiance(_)) => {
                 return Err(Error::bad_frame(
@@ -200,7 +223,7 @@ impl FrameToPolar {
             )));
         }
         let expected = match &self.weights {
-            Weights::Whole(_) => None,
+            Weights::Whole(_) | Weights::LatLong(_) => None,
             Weights::Mosaic(mosaic) => Some(mosaic.bayer()),
         };
         if frame.bayer != expected || (frame.bayer.is_some() && channels != 1) {
@@ -238,6 +261,12 @@ impl FrameToPolar {
         }
         Ok(())
     }
+}
+
+/// Solid angles of map pixels as fractions of the whole pixels.
+fn fractions(solid_angles_sr: &[f64], shape: PolarShape) -> Vec<f32> {
+    let fraction = |(cell, sr): (usize, &f64)| (sr / shape.pixel_solid_angle(cell / shape.columns())) as f32;
+    solid_angles_sr.iter().enumerate().map(fraction).collect()
 }
 
 /// Adds a frame whose pixels have all channels to the sums, one plane per channel.

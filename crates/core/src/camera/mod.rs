@@ -11,6 +11,7 @@ mod colour_matrix;
 mod exposure_merge;
 mod footprints;
 mod frame_to_polar;
+mod lat_long;
 mod lens;
 mod mosaic;
 mod overlap;

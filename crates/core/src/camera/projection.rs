@@ -80,7 +80,7 @@ impl Projection {
 }
 
 /// Fraction of the picture left of `position`, which counts pixels from the border.
-fn border_fraction(position: f64, count: usize, centres: LatLongCentres) -> f64 {
+pub(super) fn border_fraction(position: f64, count: usize, centres: LatLongCentres) -> f64 {
     let position = position.clamp(0.0, count as f64);
     match centres {
         LatLongCentres::Ends if count > 1 => {
