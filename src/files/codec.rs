@@ -60,8 +60,14 @@ pub(super) fn guarded<T>(frame: &mut Frame, decode: impl FnOnce(&mut Frame) -> R
     outcome
 }
 
-/// Refuses sizes that no real picture has, before anything is allocated for them.
-pub(super) fn check_size(width: usize, height: usize) -> Result<()> {
+/// Refuses sizes that no real picture has, and those that are not `wanted`, before anything is allocated for
+/// them.
+pub(super) fn check_size(width: usize, height: usize, wanted: Option<[usize; 2]>) -> Result<()> {
+    if let Some([wanted_width, wanted_height]) = wanted.filter(|&size| size != [width, height]) {
+        return Err(Error::bad_frame(format!(
+            "is {width} x {height}, and not {wanted_width} x {wanted_height} as the other frames"
+        )));
+    }
     if width == 0 || height == 0 {
         return Err(Error::bad_frame(format!("has no pixels ({width} x {height})")));
     }
@@ -134,10 +140,13 @@ mod tests {
 
     #[test]
     fn sizes_are_checked_on_both_sides_of_the_limit() {
-        assert!(check_size(16_384, 8_192).is_ok());
-        assert!(check_size(8_192, 16_384).is_ok());
-        assert!(check_size(16_384, 8_193).is_err());
-        assert!(check_size(16_385, 1).is_err());
-        assert!(check_size(0, 5).is_err());
+        assert!(check_size(16_384, 8_192, None).is_ok());
+        assert!(check_size(8_192, 16_384, None).is_ok());
+        assert!(check_size(16_384, 8_193, None).is_err());
+        assert!(check_size(16_385, 1, None).is_err());
+        assert!(check_size(0, 5, None).is_err());
+        assert!(check_size(6, 5, Some([6, 5])).is_ok());
+        let error = check_size(16_384, 8_192, Some([6, 5])).unwrap_err().to_string();
+        assert_eq!(error, "is 16384 x 8192, and not 6 x 5 as the other frames");
     }
 }

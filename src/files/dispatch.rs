@@ -32,7 +32,16 @@ use std::path::Path;
 /// of unknown kind, of a kind or size that is not supported. `frame` is then empty (0 x 0). No content of a
 /// file causes a panic.
 pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
-    guarded(frame, |frame| read_by_kind(path, frame)).map_err(|error| error.at(path))
+    guarded(frame, |frame| read_by_kind(path, frame, None)).map_err(|error| error.at(path))
+}
+
+/// [`read`] for a picture that must have `size`, its columns and rows. One of another size is refused before
+/// it is decoded: between frames of 128 x 128 a panorama would take gigabytes.
+///
+/// # Errors
+/// Those of [`read`], and of kind [`BadFrame`](Kind::BadFrame) another size.
+pub fn read_of_size(path: &Path, size: [usize; 2], frame: &mut Frame) -> Result<Attributes> {
+    guarded(frame, |frame| read_by_kind(path, frame, Some(size))).map_err(|error| error.at(path))
 }
 
 /// [`read`] for a file's bytes that are already in memory.
@@ -40,10 +49,10 @@ pub fn read(path: &Path, frame: &mut Frame) -> Result<Attributes> {
 /// # Errors
 /// Those of [`read`], without a name.
 pub fn decode(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
-    guarded(frame, |frame| decode_by_kind(Cursor::new(bytes), bytes.len() as u64, frame))
+    guarded(frame, |frame| decode_by_kind(Cursor::new(bytes), bytes.len() as u64, frame, None))
 }
 
-fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
+fn read_by_kind(path: &Path, frame: &mut Frame, size: Option<[usize; 2]>) -> Result<Attributes> {
     let open = || -> std::io::Result<(BufReader<File>, u64)> {
         let file = open_picture(path)?;
         let bytes = file.metadata()?.len();
@@ -53,18 +62,23 @@ fn read_by_kind(path: &Path, frame: &mut Frame) -> Result<Attributes> {
         let kind = if is_out_of_handles(&error) { Kind::NotNow } else { Kind::BadFrame };
         Error::bad_frame("cannot be opened").because(error).with_kind(kind)
     })?;
-    decode_by_kind(file, bytes, frame)
+    decode_by_kind(file, bytes, frame, size)
 }
 
-fn decode_by_kind(mut file: impl BufRead + Seek, bytes: u64, frame: &mut Frame) -> Result<Attributes> {
+fn decode_by_kind(
+    mut file: impl BufRead + Seek,
+    bytes: u64,
+    frame: &mut Frame,
+    size: Option<[usize; 2]>,
+) -> Result<Attributes> {
     (frame.bayer, frame.saturation) = (None, f32::INFINITY);
     let head = file.fill_buf().map_err(|error| Error::bad_frame("cannot be read").because(error))?;
     match head {
         [] => Err(Error::bad_frame("is empty")),
-        [0x76, 0x2f, 0x31, 0x01, ..] => open_exr::read(&mut file, bytes, frame),
-        [b'#', b'?', ..] => radiance::read(&mut file, frame),
-        [0x89, b'P', b'N', b'G', ..] => png::read(file, bytes, frame),
-        [0xff, 0xd8, 0xff, ..] => jpeg::read(file, frame),
+        [0x76, 0x2f, 0x31, 0x01, ..] => open_exr::read(&mut file, bytes, frame, size),
+        [b'#', b'?', ..] => radiance::read(&mut file, frame, size),
+        [0x89, b'P', b'N', b'G', ..] => png::read(file, bytes, frame, size),
+        [0xff, 0xd8, 0xff, ..] => jpeg::read(file, frame, size),
         _ => Err(Error::bad_frame(format!(
             "is neither OpenEXR, Radiance HDR, PNG nor JPEG (it begins with the bytes {:02x?}); give one of these",
             &head[..head.len().min(8)]

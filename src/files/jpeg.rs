@@ -23,10 +23,10 @@ const MAX_INFLATION: u64 = 2048;
 /// Of kind [`BadFrame`](crate::error::Kind::BadFrame): truncated, damaged, CMYK, or of a size that is not
 /// supported. `frame` is then empty (0 x 0). No content causes a panic.
 pub fn decode_jpeg(bytes: &[u8], frame: &mut Frame) -> Result<()> {
-    guarded(frame, |frame| decode(bytes, frame))
+    guarded(frame, |frame| decode(bytes, frame, None))
 }
 
-pub(super) fn read(source: impl Read, frame: &mut Frame) -> Result<Attributes> {
+pub(super) fn read(source: impl Read, frame: &mut Frame, size: Option<[usize; 2]>) -> Result<Attributes> {
     let mut bytes = Vec::new();
     source
         .take(MAX_FILE_BYTES + 1)
@@ -35,15 +35,15 @@ pub(super) fn read(source: impl Read, frame: &mut Frame) -> Result<Attributes> {
     if bytes.len() as u64 > MAX_FILE_BYTES {
         return Err(Error::bad_frame(format!("is a JPEG of more than {} MiB", MAX_FILE_BYTES >> 20)));
     }
-    decode(&bytes, frame)?;
+    decode(&bytes, frame, size)?;
     Ok(Attributes::default())
 }
 
-fn decode(bytes: &[u8], frame: &mut Frame) -> Result<()> {
+fn decode(bytes: &[u8], frame: &mut Frame, size: Option<[usize; 2]>) -> Result<()> {
     let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
-    check_size(width, height)?;
+    check_size(width, height, size)?;
     let channels = match decoder.color_type() {
         ColorType::L8 => 1,
         ColorType::Rgb8 => 3,

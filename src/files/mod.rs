@@ -15,7 +15,7 @@ mod radiance;
 mod replace;
 
 pub use codec::{Attributes, MAX_PIXELS, MAX_SIDE_PX};
-pub use dispatch::{decode, lat_long_note, read};
+pub use dispatch::{decode, lat_long_note, read, read_of_size};
 pub use exposure::{ExposureSettings, exposure_settings};
 pub use jpeg::decode_jpeg;
 pub use open_exr::{decode_exr, encode_exr, encode_map_exr, write_exr, write_recorded_exr};

@@ -43,14 +43,20 @@ use std::io::{Cursor, Read, Seek};
 /// empty (0 x 0). No content causes a panic.
 pub fn decode_exr(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
     frame.saturation = f32::INFINITY;
-    guarded(frame, |frame| read(Cursor::new(bytes), bytes.len() as u64, frame))
+    guarded(frame, |frame| read(Cursor::new(bytes), bytes.len() as u64, frame, None))
 }
 
-/// Reads the file behind `source`, which is `file_bytes` long, into `frame`.
-pub(super) fn read(mut source: impl Read + Seek, file_bytes: u64, frame: &mut Frame) -> Result<Attributes> {
+/// Reads the file behind `source`, which is `file_bytes` long, into `frame`; `size`: the only one that it may
+/// have.
+pub(super) fn read(
+    mut source: impl Read + Seek,
+    file_bytes: u64,
+    frame: &mut Frame,
+    size: Option<[usize; 2]>,
+) -> Result<Attributes> {
     // The header is read twice: once on its own, so that everything is checked before `exr` acts on it.
     let meta = MetaData::read_from_buffered(&mut source, false).map_err(damaged)?;
-    let plan = plan(&meta, file_bytes)?;
+    let plan = plan(&meta, file_bytes, size)?;
     source.rewind().map_err(|error| damaged(error.into()))?;
     let chunks = exr::block::read(source, false)
         .and_then(|reader| {

@@ -16,14 +16,20 @@ const DECODER_BYTES: u64 = 1 << 26;
 /// Deflate expands one byte to at most 1032 bytes (258 bytes for two bits, RFC 1951).
 const MAX_INFLATION: u64 = 1032;
 
-/// Reads the picture behind `source`, which is `file_bytes` long, into `frame` as codes.
-pub(super) fn read(source: impl BufRead + Seek, file_bytes: u64, frame: &mut Frame) -> Result<Attributes> {
+/// Reads the picture behind `source`, which is `file_bytes` long, into `frame` as codes; `size`: the only one
+/// that it may have.
+pub(super) fn read(
+    source: impl BufRead + Seek,
+    file_bytes: u64,
+    frame: &mut Frame,
+    size: Option<[usize; 2]>,
+) -> Result<Attributes> {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(DECODER_BYTES);
     let decoder = PngDecoder::with_limits(source, limits).map_err(damaged)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
-    check_size(width, height)?;
+    check_size(width, height, size)?;
     let (channels, is_bytes) = match decoder.color_type() {
         ColorType::L8 => (1, true),
         ColorType::Rgb8 => (3, true),
@@ -123,7 +129,7 @@ fn write(
     colour: ExtendedColorType,
     bytes: &[u8],
 ) -> Result<()> {
-    check_size(width, height).map_err(|error| error.with_kind(crate::error::Kind::Failed))?;
+    check_size(width, height, None).map_err(|error| error.with_kind(crate::error::Kind::Failed))?;
     PngEncoder::new_with_quality(writer, CompressionType::Default, FilterType::Adaptive)
         .write_image(bytes, width as u32, height as u32, colour)
         .map_err(|error| Error::failed("cannot be written").because(error))
@@ -174,7 +180,7 @@ mod tests {
         let path = folder.path().join("a.png");
         write_png16(&path, &codes(16_384, 1, 1)).unwrap();
         let bytes = std::fs::read(&path).unwrap();
-        let error = super::read(std::io::Cursor::new(&bytes), 20, &mut Frame::default()).unwrap_err();
+        let error = super::read(std::io::Cursor::new(&bytes), 20, &mut Frame::default(), None).unwrap_err();
         assert!(error.to_string().contains("20 bytes cannot hold 16384 x 1"), "{error}");
         std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
         let error = read(&path, &mut Frame::default()).unwrap_err();

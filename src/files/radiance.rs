@@ -16,8 +16,12 @@ use glam::{DMat3, DVec2};
 use lightcast_core::image::Frame;
 use std::io::{BufRead, Cursor, Read};
 
-/// Reads the picture behind `source` into `frame`, 3 channels.
-pub(super) fn read(source: &mut impl BufRead, frame: &mut Frame) -> Result<Attributes> {
+/// Reads the picture behind `source` into `frame`, 3 channels; `size`: the only one that it may have.
+pub(super) fn read(
+    source: &mut impl BufRead,
+    frame: &mut Frame,
+    size: Option<[usize; 2]>,
+) -> Result<Attributes> {
     // The decoder takes lines of any length; real headers have a few hundred bytes and end within the buffer.
     let head = source.fill_buf().map_err(damaged)?;
     let Some(header) = Header::split(head) else {
@@ -28,7 +32,7 @@ pub(super) fn read(source: &mut impl BufRead, frame: &mut Frame) -> Result<Attri
     };
     let Meaning { divisors, to_rec_709 } = meaning(&header.text)?;
     let scan = Scan::of(&header.resolution)?;
-    check_size(scan.width(), scan.height())?;
+    check_size(scan.width(), scan.height(), size)?;
     let (bytes, is_from_windows) = (header.bytes, header.is_from_windows);
     source.consume(bytes);
 
@@ -260,7 +264,7 @@ mod tests {
         let mut bytes = header.as_bytes().to_vec();
         bytes.extend_from_slice(pixels);
         let mut frame = Frame::default();
-        read(&mut bytes.as_slice(), &mut frame)?;
+        read(&mut bytes.as_slice(), &mut frame, None)?;
         assert_eq!((frame.width, frame.height, frame.channels), (2, 1, 3));
         let Pixels::Radiance(values) = frame.pixels else { panic!("codes") };
         Ok(values)
@@ -318,7 +322,7 @@ mod tests {
         let mut bytes = format!("#?RADIANCE\n\n{resolution}\n").into_bytes();
         bytes.extend((1..=6).flat_map(|number| [number, 0, 0, 136]));
         let mut frame = Frame::default();
-        read(&mut bytes.as_slice(), &mut frame).unwrap();
+        read(&mut bytes.as_slice(), &mut frame, None).unwrap();
         let Pixels::Radiance(values) = frame.pixels else { panic!("codes") };
         let size = if resolution.contains("Y 2") { (3, 2) } else { (2, 3) };
         assert_eq!((frame.width, frame.height), size, "{resolution}");

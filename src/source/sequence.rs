@@ -15,7 +15,7 @@ mod tests;
 
 use super::{FrameSource, Next, pattern};
 use crate::error::{Error, Kind, Place, Result};
-use crate::files::{Attributes, read};
+use crate::files::{Attributes, read, read_of_size};
 use crate::rt::Counter;
 use lightcast_core::image::{Bayer, Frame, LatLongCentres, Pixels};
 use std::path::{Path, PathBuf};
@@ -191,7 +191,8 @@ impl Sequence {
 
     /// Reads a file and compares it with the first.
     fn fill(&self, path: &Path, frame: &mut Frame) -> Result<Attributes> {
-        let attributes = read_as(self.bayer, path, frame)?;
+        let attributes = read_of_size(path, [self.format.width, self.format.height], frame)?;
+        take_as(self.bayer, path, frame)?;
         let found = FrameFormat::of(frame, &attributes, self.format.frame_rate_hz);
         if found == self.format {
             return Ok(attributes);
@@ -205,9 +206,8 @@ impl Sequence {
     }
 }
 
-/// Reads a file, as a mosaic if `bayer` says so.
-fn read_as(bayer: Option<Bayer>, path: &Path, frame: &mut Frame) -> Result<Attributes> {
-    let attributes = read(path, frame)?;
+/// Takes the frame of a file as a mosaic if `bayer` says so.
+fn take_as(bayer: Option<Bayer>, path: &Path, frame: &mut Frame) -> Result<()> {
     if let Some(bayer) = bayer {
         if frame.channels != 1 || matches!(frame.pixels, Pixels::Radiance(_)) {
             return Err(Error::bad_frame(format!(
@@ -218,7 +218,7 @@ fn read_as(bayer: Option<Bayer>, path: &Path, frame: &mut Frame) -> Result<Attri
         }
         frame.bayer = Some(bayer);
     }
-    Ok(attributes)
+    Ok(())
 }
 
 fn first_readable<'a>(
@@ -228,7 +228,8 @@ fn first_readable<'a>(
 ) -> Result<(&'a Path, Attributes)> {
     let mut first_error = None;
     for (_, file) in files {
-        match read_as(options.bayer, file, frame) {
+        let attributes = read(file, frame);
+        match attributes.and_then(|found| take_as(options.bayer, file, frame).map(|()| found)) {
             Ok(attributes) => return Ok((file, attributes)),
             Err(error) if error.kind() == Kind::NotNow => return Err(error),
             Err(error) => first_error = first_error.or(Some(error)),

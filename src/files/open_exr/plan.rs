@@ -45,8 +45,9 @@ impl Plan {
     }
 }
 
-/// Decides what to take; refuses what is not read, before anything is allocated for it.
-pub(super) fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
+/// Decides what to take; refuses what is not read, and what has not the `size` that is wanted, before anything
+/// is allocated for it.
+pub(super) fn plan(meta: &MetaData, file_bytes: u64, size: Option<[usize; 2]>) -> Result<Plan> {
     // A chunk may name any part, so all parts are checked, not only the one that is read.
     let mut chunks = 0_u64;
     for header in &meta.headers {
@@ -68,7 +69,7 @@ pub(super) fn plan(meta: &MetaData, file_bytes: u64) -> Result<Plan> {
     let display = header.shared_attributes.display_window;
     let data = header.own_attributes.layer_position;
     let (width, height) = (display.size.0, display.size.1);
-    check_size(width, height)?;
+    check_size(width, height, size)?;
     let offset = |data: i32, display: i32| i64::from(data) - i64::from(display);
     let offset = (offset(data.0, display.position.0), offset(data.1, display.position.1));
     let is_outside =
@@ -131,7 +132,7 @@ fn check_part(header: &Header) -> Result<()> {
         return Err(Error::bad_frame("holds deep data; flatten it"));
     }
     let (width, height) = (header.layer_size.0, header.layer_size.1);
-    check_size(width, height)?;
+    check_size(width, height, None)?;
     if header.channels.list.iter().any(|channel| (channel.sampling.0, channel.sampling.1) != (1, 1)) {
         return Err(Error::bad_frame(format!(
             "has subsampled channels ({}), as luminance/chroma files do; save it as RGB",

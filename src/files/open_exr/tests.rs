@@ -38,7 +38,7 @@ fn bytes_with(attributes: ImageAttributes, layers: Vec<Layer<Channels>>) -> Vec<
 }
 
 fn read_bytes(bytes: &[u8], frame: &mut Frame) -> Result<Attributes> {
-    super::read(Cursor::new(bytes), bytes.len() as u64, frame)
+    super::read(Cursor::new(bytes), bytes.len() as u64, frame, None)
 }
 
 fn refusal(bytes: &[u8]) -> String {

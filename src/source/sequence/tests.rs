@@ -78,22 +78,26 @@ fn end_stays_the_end() {
 
 #[test]
 fn corrupt_files_in_the_middle_are_named_counted_and_passed_over() {
-    let folder = folder(&[1, 2, 3, 4, 5, 6], Some(25.0));
+    let folder = folder(&[1, 2, 3, 4, 5, 6, 7], Some(25.0));
     let file = |number: u64| folder.path().join(format!("a.{number:04}.exr"));
     let whole = fs::read(file(2)).unwrap();
     fs::write(file(2), &whole[..whole.len() - 3]).unwrap();
     fs::write(file(3), b"This is not a picture.").unwrap();
     write_exr(&file(5), &picture(5, 7, 3), None, true).unwrap();
+    // Of the same size, but grey.
+    write_exr(&file(6), &picture(6, 4, 1), None, true).unwrap();
     let played = play(&options(&folder), 100);
-    assert_eq!(played.len(), 6);
+    assert_eq!(played.len(), 7);
     assert_eq!(played[0], Ok((1, 1, 0, 0)));
     assert!(played[1].as_ref().unwrap_err().contains("a.0002.exr: cannot be decoded as OpenEXR"));
     assert!(played[2].as_ref().unwrap_err().contains("a.0003.exr: is neither OpenEXR"));
     assert_eq!(played[3], Ok((4, 4, 120, 2)));
     let error = played[4].as_ref().unwrap_err();
-    assert!(error.contains("a.0005.exr: is 7 x 2 x 3 radiance, but "), "{error}");
+    assert!(error.ends_with("a.0005.exr: is 7 x 2, and not 4 x 2 as the other frames"), "{error}");
+    let error = played[5].as_ref().unwrap_err();
+    assert!(error.contains("a.0006.exr: is 4 x 2 x 1 radiance, but "), "{error}");
     assert!(error.contains("a.0001.exr is 4 x 2 x 3 radiance"), "{error}");
-    assert_eq!(played[5], Ok((6, 6, 200, 1)));
+    assert_eq!(played[6], Ok((7, 7, 240, 2)));
 }
 
 #[test]
