@@ -44,6 +44,34 @@ fn power_is_kept_on_every_real_map() {
     println!("power kept: worst {worst:.1e}");
 }
 
+/// More lights are not always better: a step adds sites, and all of them move. `cargo test --package
+/// lightcast-core rises -- --nocapture` prints where the error rises from one number to the next.
+#[test]
+fn rises_of_the_error_with_the_number_of_lights_are_known() {
+    const COUNTS: [usize; 16] = [4, 6, 8, 12, 16, 18, 24, 32, 36, 48, 64, 72, 96, 128, 192, 256];
+    let shape = PolarShape::sphere(360, 180);
+    let (mut steps, mut rises, mut worst) = (0, 0, 0f64);
+    for (name, map) in real_maps(shape) {
+        let errors = COUNTS.map(|count| extract(&map, count, Sampler::Refined).error.unwrap());
+        for (counts, pair) in COUNTS.windows(2).zip(errors.windows(2)) {
+            let rise = f64::from(pair[1] / pair[0]);
+            steps += 1;
+            worst = worst.max(rise);
+            if rise > 1.1 {
+                rises += 1;
+                println!(
+                    "{name}: {} lights {:.4}, {} lights {:.4}: {rise:.2} times",
+                    counts[0], pair[0], counts[1], pair[1]
+                );
+            }
+        }
+        // From one end to the other it always gets better.
+        assert!(errors[15] < 0.2 * errors[0], "{name}: {errors:?}");
+    }
+    println!("{rises} rises of more than a tenth in {steps} steps, worst {worst:.2} times");
+    assert!(worst < 2.5, "{worst}");
+}
+
 #[test]
 fn hard_maps_give_whole_lists_and_keep_their_power() {
     for (name, map) in hard_maps() {
