@@ -1,4 +1,5 @@
-# make install   what the build needs from the system, then the program `lightcast` where cargo puts programs
+# make install   what the build needs from the system, then the program `lightcast` where cargo puts programs;
+#                with FEATURES=april-grid it also finds AprilGrids in photographs
 # make demo      replays the bundled sequence; light lists, pictures and rendered frames in demo/
 # make test      formatting, lints, documentation, all tests
 # make test-camera  the camera against real kernel drivers, in an emulated guest; part of make test
@@ -36,7 +37,7 @@ test-packages:
 	@.ci/system-packages test
 
 install: system-packages
-	cargo install $(CARGO_FLAGS) --path .
+	cargo install $(CARGO_FLAGS) $(if $(FEATURES),--features $(FEATURES)) --path .
 
 # One sample a pixel and four comparisons a shadow: on two cores without a GPU the frames take seconds in place
 # of minutes.
@@ -55,10 +56,10 @@ demo: system-packages
 
 test: test-packages
 	cargo fmt --all --check
-	cargo clippy $(CARGO_FLAGS) --workspace --all-targets -- -D warnings
+	cargo clippy $(CARGO_FLAGS) --workspace --all-targets --features april-grid -- -D warnings
 	cargo clippy $(CARGO_FLAGS) --workspace --all-targets --no-default-features -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --workspace --no-deps
-	cargo test $(CARGO_FLAGS) --workspace
+	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --workspace --features april-grid --no-deps
+	cargo test $(CARGO_FLAGS) --workspace --features april-grid
 	@for example in panorama filtered_lights fisheye; do \
 	    cargo run $(CARGO_FLAGS) --quiet --package lightcast-core --example $$example || exit 1; \
 	done

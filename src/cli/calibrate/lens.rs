@@ -1,9 +1,6 @@
-#[cfg(feature = "april-grid")]
 use super::photographs;
 use super::residual_plot::residual_plot;
 use super::write;
-#[cfg(feature = "april-grid")]
-use crate::calibrate::AprilGrid;
 use crate::calibrate::{Calibration, CornerSet, LensFit, LensFitOptions, LensStart, fit_lens};
 use crate::cli::standard_output::print;
 use crate::error::{Error, Result};
@@ -56,13 +53,12 @@ pub(super) struct Arguments {
     files: Vec<PathBuf>,
 
     /// The board in the photographs: a target file of Kalibr (target_type: 'aprilgrid', tagCols, tagRows,
-    /// tagSize in metres, tagSpacing as a share of tagSize).
-    #[cfg(feature = "april-grid")]
+    /// tagSize in metres, tagSpacing as a share of tagSize). Needs a program that was installed with its
+    /// detector: make install FEATURES=april-grid.
     #[arg(long, value_name = "FILE")]
     april_grid: Option<PathBuf>,
 
     /// Write the corners that were found in the photographs to this file, from which the fit can be repeated.
-    #[cfg(feature = "april-grid")]
     #[arg(long, value_name = "FILE", requires = "april_grid")]
     save_corners: Option<PathBuf>,
 
@@ -183,9 +179,8 @@ impl OpencvForm {
 }
 
 fn corners(arguments: &Arguments) -> Result<CornerSet> {
-    #[cfg(feature = "april-grid")]
     if let Some(board) = &arguments.april_grid {
-        let corners = photographs::corners(&AprilGrid::load(board)?, &arguments.files)?;
+        let corners = photographs::corners(board, &arguments.files)?;
         if let Some(path) = &arguments.save_corners {
             write(path, &corners.to_json())?;
         }

@@ -2,7 +2,6 @@
 
 mod lens;
 mod orientation;
-#[cfg(feature = "april-grid")]
 mod photographs;
 mod residual_plot;
 mod response;

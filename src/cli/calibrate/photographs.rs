@@ -1,11 +1,16 @@
-use crate::calibrate::{AprilGrid, BoardView, CornerSet};
-use crate::error::{Error, Kind, Result};
-use crate::files::read_grey;
-use std::path::PathBuf;
+use crate::calibrate::CornerSet;
+#[cfg(feature = "april-grid")]
+use crate::calibrate::{AprilGrid, BoardView};
+use crate::error::{Error, Result};
+#[cfg(feature = "april-grid")]
+use crate::{error::Kind, files::read_grey};
+use std::path::{Path, PathBuf};
 
-/// Looks for the board in every photograph. One that cannot be read or shows no board is named and stays in
-/// the set without corners, so that the report has it too.
-pub(super) fn corners(grid: &AprilGrid, files: &[PathBuf]) -> Result<CornerSet> {
+/// Looks for the board that the file `board` describes in every photograph. One that cannot be read or shows no
+/// board is named and stays in the set without corners, so that the report has it too.
+#[cfg(feature = "april-grid")]
+pub(super) fn corners(board: &Path, files: &[PathBuf]) -> Result<CornerSet> {
+    let grid = AprilGrid::load(board)?;
     let mut size = None;
     let mut views = Vec::with_capacity(files.len());
     for path in files {
@@ -39,4 +44,15 @@ pub(super) fn corners(grid: &AprilGrid, files: &[PathBuf]) -> Result<CornerSet> 
     let [width, height] =
         size.ok_or_else(|| Error::failed("none of the photographs can be read; give PNG or JPEG files"))?;
     Ok(CornerSet { width, height, views })
+}
+
+/// The detector brings a hundred packages, for what is done once for each lens.
+#[cfg(not(feature = "april-grid"))]
+pub(super) fn corners(_: &Path, _: &[PathBuf]) -> Result<CornerSet> {
+    Err(Error::usage(
+        "this program was built without its detector of AprilGrids; install it with `make install \
+         FEATURES=april-grid` (`cargo install --features april-grid ...`), or give a file of corners that another \
+         program has found (`lightcast calibrate lens --help`)",
+    )
+    .at("--april-grid"))
 }
