@@ -8,6 +8,9 @@ use serde::Deserialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+/// Stars and surveyed lamps that were marked by hand are a tenth of a degree off, or two.
+const MOST_RESIDUAL_DEG: f64 = 1.0;
+
 /// Find the orientation of a camera from pixels whose directions are known.
 ///
 /// MARKS is a TOML file with one table for each mark: a star, the Moon, a lamp that was surveyed.
@@ -20,7 +23,8 @@ use std::path::{Path, PathBuf};
 /// Two marks that lie well apart give the whole rotation; more make it better. One mark is enough for a
 /// camera that looks straight up: it is turned about the vertical, then tilted by what is left. The result is
 /// the key world_from_camera for the section [camera] of a configuration, with the angular error of each mark
-/// as a comment.
+/// as a comment. Marks that are more than a degree off are told: one of them is another thing than it was
+/// taken for, or the lens is.
 ///
 /// Example: lightcast calibrate orientation marks.toml --calibration camera.json
 #[derive(Debug, clap::Args)]
@@ -62,7 +66,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<()> {
     }
     let orientation =
         fit_orientation(&calibration.lens, &marks, LOOKING_UP).map_err(|error| error.at(&arguments.marks))?;
+    if let Some(warning) = disagreement(&orientation) {
+        tracing::warn!("{}: {warning}", arguments.marks.display());
+    }
     print(&[describe(&orientation).trim_end().to_owned()]).map(|_| ())
+}
+
+/// What to tell of marks that do not agree on one orientation.
+fn disagreement(orientation: &Orientation) -> Option<String> {
+    let off_deg = |&(_, residual_rad): &(usize, &f64)| residual_rad.to_degrees();
+    let (index, residual_rad) = orientation
+        .residuals_rad
+        .iter()
+        .enumerate()
+        .filter(|mark| off_deg(mark) > MOST_RESIDUAL_DEG)
+        .max_by(|a, b| a.1.total_cmp(b.1))?;
+    Some(format!(
+        "the marks do not agree: mark {} is {:.1} degrees off; check its pixel and direction, and the calibration",
+        index + 1,
+        residual_rad.to_degrees()
+    ))
 }
 
 fn read_marks(path: &Path) -> Result<Vec<Mark>> {
@@ -140,6 +163,20 @@ mod tests {
             let message = written(&format!("{good}{line}\n")).unwrap_err().to_string();
             assert!(message.contains(words), "{words}: {message}");
         }
+    }
+
+    #[test]
+    fn marks_that_do_not_agree_are_told_with_the_worst() {
+        let with = |residuals_rad: &[f64]| {
+            disagreement(&Orientation {
+                world_from_camera: LOOKING_UP,
+                residuals_rad: residuals_rad.to_vec(),
+            })
+        };
+        assert_eq!(with(&[0.0]), None);
+        assert_eq!(with(&[0.003, 0.017]), None);
+        let warning = with(&[0.02, 0.46, 0.1]).unwrap();
+        assert!(warning.contains("mark 2 is 26.4 degrees off"), "{warning}");
     }
 
     #[test]

@@ -242,14 +242,22 @@ impl<'a> Report<'a> {
         self.progress.finish();
         self.document.is_complete = is_complete;
         let document = &self.document;
+        let is_empty = document.maps.is_empty() && document.sequences.is_empty();
         if !document.is_complete && self.is_read {
-            tracing::warn!("not complete; what was measured until then is kept");
+            let kept = match (is_empty, self.arguments.tables) {
+                (true, _) => "no map or sequence was measured to its end, and there is no report",
+                (false, true) => "the tables are those of what was measured until then",
+                (false, false) => "what was measured until then is kept",
+            };
+            tracing::warn!("not complete; {kept}");
         }
         if self.arguments.tables {
             print(&document.findings())?;
             return Ok(());
         }
-        if document.maps.is_empty() && document.sequences.is_empty() {
+        if is_empty {
+            // The folder that was made for it, unless something else is in it.
+            let _ = std::fs::remove_dir(&self.arguments.output);
             return Ok(());
         }
         let page = folder::write(document, &self.arguments.output)?;
