@@ -17,6 +17,7 @@ pub(super) struct SignalWatch {
     handle: Handle,
     thread: Option<JoinHandle<()>>,
     hangup: Arc<AtomicBool>,
+    interrupted: Shutdown,
 }
 
 impl SignalWatch {
@@ -34,11 +35,17 @@ impl SignalWatch {
         self.hangup.swap(false, Ordering::AcqRel)
     }
 
+    /// Is requested by SIGINT and SIGTERM only, where the one given at the start also is when work is done.
+    pub fn interrupted(&self) -> &Shutdown {
+        &self.interrupted
+    }
+
     fn watch(shutdown: &Shutdown, which: &[i32]) -> Result<Self> {
         let failed = |error: std::io::Error| Error::failed("cannot watch for signals").because(error);
         let mut signals = Signals::new(which).map_err(failed)?;
         let handle = signals.handle();
-        let shutdown = shutdown.clone();
+        let (shutdown, interrupted) = (shutdown.clone(), Shutdown::new());
+        let interrupt = interrupted.clone();
         let hangup = Arc::new(AtomicBool::new(false));
         let heard = hangup.clone();
         let watch = move || {
@@ -52,12 +59,13 @@ impl SignalWatch {
                     signal_hook::low_level::exit(128 + signal);
                 }
                 is_first = false;
+                interrupt.request();
                 shutdown.request();
                 tracing::info!("stopping in good order; a second signal stops at once");
             }
         };
         let thread = Builder::new().name("signals".to_owned()).spawn(watch).map_err(failed)?;
-        Ok(Self { handle, thread: Some(thread), hangup })
+        Ok(Self { handle, thread: Some(thread), hangup, interrupted })
     }
 }
 

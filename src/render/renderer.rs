@@ -126,17 +126,45 @@ impl Renderer {
     /// # Errors
     /// Those of the device.
     pub fn draw(&mut self, lights: &[Light], camera: &Camera, samples: u32) -> Result<()> {
+        self.begin(lights);
+        let count = samples.max(1);
+        for index in 0..count {
+            self.sample(camera, nth(index, count));
+            self.pause(index)?;
+        }
+        self.gpu.check()
+    }
+
+    /// [`Self::draw`], which asks `goes_on` after every sample; when it returns false, the picture is not
+    /// complete. Returns whether it is. It waits for the device as often, so that little of what was asked
+    /// for before is still to be drawn.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn draw_while(
+        &mut self,
+        lights: &[Light],
+        camera: &Camera,
+        samples: u32,
+        goes_on: impl Fn() -> bool,
+    ) -> Result<bool> {
+        self.begin(lights);
+        let count = samples.max(1);
+        for index in 0..count {
+            self.sample(camera, nth(index, count));
+            self.gpu.wait()?;
+            if !goes_on() && index + 1 < count {
+                return Ok(false);
+            }
+        }
+        self.gpu.check().map(|()| true)
+    }
+
+    fn begin(&mut self, lights: &[Light]) {
         self.timer.restart();
         let Quality { lights: most_lights, shadow_maps } = self.quality;
         let options = DirectionalOptions { lights: most_lights, shadow_maps, ..self.options.directional };
         self.prepare(lights, &options);
-        let count = samples.max(1);
-        for index in 0..count {
-            let before = if index == 0 { Before::Drop } else { Before::Keep };
-            self.sample(camera, Sample { index, count, before, has_emission: true });
-            self.pause(index)?;
-        }
-        self.gpu.check()
     }
 
     /// The reference: all `emitters` as lights with hard shadows and their own shadow maps, summed over as
@@ -211,6 +239,12 @@ impl Renderer {
         timer.resolve(&mut encoder);
         gpu.queue.submit([encoder.finish()]);
     }
+}
+
+/// One of the samples of a picture that takes the place of the last one.
+fn nth(index: u32, count: u32) -> Sample {
+    let before = if index == 0 { Before::Drop } else { Before::Keep };
+    Sample { index, count, before, has_emission: true }
 }
 
 /// The texture of pictures that are read back.

@@ -11,6 +11,7 @@ mod record;
 #[cfg(feature = "render")]
 mod render;
 mod source;
+mod written;
 
 pub use calibrate::Calibrate;
 pub use capture::{ATTEMPTS, Capture, Patience};

@@ -1,3 +1,4 @@
+use super::written::Written;
 use crate::error::Result;
 use crate::picture;
 use crate::rt::Counter;
@@ -15,6 +16,7 @@ pub struct Picture {
     is_drawn: bool,
     folder: PathBuf,
     undrawn: Counter,
+    written: Written,
 }
 
 impl Picture {
@@ -22,7 +24,7 @@ impl Picture {
     /// must be in its link before its list is, as when `maps` are copies of what the lists are made of.
     /// Maps whose lists were lost are counted by `undrawn`.
     pub fn new(maps: Receiver<PolarMap>, folder: PathBuf, undrawn: Counter) -> Self {
-        Self { maps, map: None, is_drawn: true, folder, undrawn }
+        Self { maps, map: None, is_drawn: true, folder, undrawn, written: Written::default() }
     }
 }
 
@@ -32,6 +34,7 @@ impl Stage for Picture {
 
     /// A map whose list was lost or will not come (the run ends within the filter's delay) is not drawn.
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
+        self.written.saw(list);
         let Some(sequence) = list.sequence() else { return Ok(Flow::Send) };
         while self.map.as_ref().is_none_or(|map| map.stamp.sequence < sequence) {
             let Ok(Some(next)) = self.maps.try_receive() else { return Ok(Flow::Send) };
@@ -47,7 +50,15 @@ impl Stage for Picture {
         {
             picture::draw(map, list, &self.folder)?;
             self.is_drawn = true;
+            self.written.count();
         }
         Ok(Flow::Send)
+    }
+
+    fn finish(&mut self, is_complete: bool) -> Result<()> {
+        if is_complete {
+            self.written.tell(&self.folder);
+        }
+        Ok(())
     }
 }

@@ -1,6 +1,8 @@
+use super::written::Written;
 use crate::error::Result;
 use crate::files::{write_exr, write_png8, write_png8_with_alpha};
 use crate::render::Renderer;
+use crate::rt::Shutdown;
 use crate::rt::fan_out::Every;
 use crate::rt::link::Copied;
 use crate::rt::stage::{Flow, Stage};
@@ -20,6 +22,10 @@ pub struct Render {
     first: Option<u64>,
     last_time_ns: Option<i64>,
     writer: PictureWriter,
+    /// A picture takes minutes without a GPU: who interrupts does not wait for it, nor for the lists in the
+    /// link.
+    interrupted: Shutdown,
+    written: Written,
 }
 
 /// Writes what a renderer has drawn.
@@ -33,7 +39,15 @@ pub struct PictureWriter {
 impl Render {
     /// Pictures of `samples` samples a pixel, of the lists that describe the first frame in every block of
     /// `every` sequence numbers: the same lists with which maps are drawn. They go to `folder`, which must exist.
-    pub fn new(renderer: Renderer, camera: Camera, samples: u32, folder: PathBuf, every: u64) -> Self {
+    /// None follows once `interrupted` is requested, and one in progress is dropped.
+    pub fn new(
+        renderer: Renderer,
+        camera: Camera,
+        samples: u32,
+        folder: PathBuf,
+        every: u64,
+        interrupted: &Shutdown,
+    ) -> Self {
         let writer = PictureWriter::default();
         Self {
             renderer,
@@ -44,6 +58,8 @@ impl Render {
             first: None,
             last_time_ns: None,
             writer,
+            interrupted: interrupted.clone(),
+            written: Written::default(),
         }
     }
 }
@@ -55,6 +71,10 @@ impl Stage for Render {
     /// The scene moves with the capture time of the lists, not with real time. Lists from before the first
     /// frame, with which a filter begins, are drawn only where every list is.
     fn step(&mut self, list: &LightList, (): &mut ()) -> Result<Flow> {
+        if self.interrupted.is_requested() {
+            return Ok(Flow::End);
+        }
+        self.written.saw(list);
         let first = *self.first.get_or_insert(list.stamp.sequence);
         if !self.every.is_due(list.sequence().filter(|&sequence| sequence >= first)) {
             return Ok(Flow::Send);
@@ -65,10 +85,21 @@ impl Stage for Render {
         if self.renderer.scene().is_animated() {
             self.renderer.pose(time_ns as f64 * 1e-9);
         }
-        self.renderer.draw(&list.lights, &self.camera, self.samples)?;
+        let goes_on = || !self.interrupted.is_requested();
+        if !self.renderer.draw_while(&list.lights, &self.camera, self.samples, goes_on)? {
+            return Ok(Flow::End);
+        }
         let path = self.folder.join(format!("frame_{:05}.png", list.stamp.sequence));
         self.writer.write(&mut self.renderer, elapsed_s, &path, false)?;
+        self.written.count();
         Ok(Flow::Send)
+    }
+
+    fn finish(&mut self, is_complete: bool) -> Result<()> {
+        if is_complete && !self.interrupted.is_requested() {
+            self.written.tell(&self.folder);
+        }
+        Ok(())
     }
 }
 

@@ -6,6 +6,7 @@ mod bad_frames;
 mod bundled;
 mod configuration;
 mod fisheye;
+mod killed;
 mod lights;
 mod recording;
 #[cfg(feature = "render")]

@@ -1,10 +1,12 @@
 use crate::recording::{Recording, lightcast, names, panorama, stderr};
 use lightcast::files::{self, write_exr};
+use lightcast::rt::Shutdown;
 use lightcast_core::image::{Frame, Pixels};
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
-use std::process::Output;
+use std::process::{Child, Command, Output};
+use std::time::Duration;
 
 /// Runs `lightcast render` at a small size; `None` where there is no graphics adapter, after reporting it.
 fn render(input: &Path, output: &Path, options: &[&str]) -> Option<Output> {
@@ -15,12 +17,16 @@ fn render(input: &Path, output: &Path, options: &[&str]) -> Option<Output> {
     }
     let run = command.args(["--samples", "1"]).args(options).output().unwrap();
     if stderr(&run).contains("there is no graphics adapter") {
-        let test = std::thread::current().name().unwrap_or_default().to_owned();
-        // Not eprintln!, which the test harness swallows when a test passes.
-        let _ = writeln!(std::io::stderr(), "skipped: {test}: there is no graphics adapter");
+        skip("there is no graphics adapter");
         return None;
     }
     Some(run)
+}
+
+fn skip(reason: &str) {
+    let test = std::thread::current().name().unwrap_or_default().to_owned();
+    // Not eprintln!, which the test harness swallows when a test passes.
+    let _ = writeln!(std::io::stderr(), "skipped: {test}: {reason}");
 }
 
 fn radiance(path: &Path) -> Vec<f32> {
@@ -90,6 +96,71 @@ fn a_sequence_gives_numbered_pictures_and_the_same_each_time() {
     for name in names {
         assert_eq!(fs::read(first.join(&name)).unwrap(), fs::read(second.join(&name)).unwrap(), "{name}");
     }
+}
+
+/// Sends SIGINT once the program handles it and, if a folder is to be made, has made it and begun to draw.
+/// Returns what it says where it ends by itself, as without a graphics adapter.
+fn interrupt_when_ready(child: &mut Child, folder: Option<&Path>) -> Option<String> {
+    let tasks = format!("/proc/{}/task", child.id());
+    loop {
+        let has_signals = fs::read_dir(&tasks).is_ok_and(|tasks| {
+            tasks.flatten().any(|task| {
+                fs::read_to_string(task.path().join("comm")).is_ok_and(|name| name.trim() == "signals")
+            })
+        });
+        if has_signals && folder.is_none_or(Path::exists) {
+            break;
+        }
+        if child.try_wait().unwrap().is_some() {
+            let mut messages = String::new();
+            child.stderr.take().unwrap().read_to_string(&mut messages).unwrap();
+            assert!(messages.contains("there is no graphics adapter"), "{messages}");
+            return Some("there is no graphics adapter".to_owned());
+        }
+        Shutdown::new().wait(Duration::from_millis(20));
+    }
+    Shutdown::new().wait(Duration::from_millis(300));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    None
+}
+
+#[test]
+fn an_interrupt_ends_pictures_within_one_sample_of_the_one_in_progress() {
+    let recording = Recording::new(4);
+    let output = recording.path().join("frames");
+    // Of the first list and the whole sequence, far more samples than anybody waits for.
+    for target in [&output, &recording.path().join("picture.png")] {
+        let mut command = lightcast();
+        command.arg("render").arg(recording.configuration()).arg("--output").arg(target);
+        command.args(["--size", "640x480", "--samples", "4096", "--every", "1"]);
+        let mut child = command.spawn().unwrap();
+        if let Some(messages) = interrupt_when_ready(&mut child, (*target == output).then_some(&output)) {
+            skip(&messages);
+            return;
+        }
+        let run = child.wait_with_output().unwrap();
+        let (status, rest) = (run.status, stderr(&run));
+        if *target == output {
+            assert_eq!(status.code(), Some(0), "{rest}");
+            assert!(names(&output).is_empty(), "a picture of a part of its samples is none");
+        } else {
+            assert_eq!(status.code(), Some(1), "{rest}");
+            assert!(rest.contains("interrupted; there is no picture") && !target.exists(), "{rest}");
+        }
+    }
+}
+
+#[test]
+fn a_sequence_no_longer_than_the_filters_delay_says_why_there_is_no_picture() {
+    let recording = Recording::new(3);
+    let folder = recording.path().join("pictures");
+    let run = recording.command().arg("--pictures").arg(&folder).output().unwrap();
+    assert!(run.status.success(), "{}", stderr(&run));
+    assert!(stderr(&run).contains("no picture was drawn: the filter gives the lights"), "{}", stderr(&run));
+    let frames = recording.path().join("frames");
+    let Some(run) = render(&recording.configuration(), &frames, &["--every", "2"]) else { return };
+    assert!(run.status.success() && names(&frames).is_empty(), "{}", stderr(&run));
+    assert!(stderr(&run).contains("frames: no picture was drawn"), "{}", stderr(&run));
 }
 
 #[test]

@@ -63,11 +63,12 @@ fn render_service(arguments: &Arguments, input: &Input, path: &Path, folder: &Pa
     no_reference(arguments)?;
     let config = Config::load(path)?;
     let shutdown = Shutdown::new();
-    let _signals = SignalWatch::start(&shutdown)?;
+    let signals = SignalWatch::start(&shutdown)?;
     let renderer = renderer(arguments, input)?;
     let camera = camera(arguments, &renderer)?;
     make(folder)?;
-    let render = Render::new(renderer, camera, samples(arguments), folder.to_owned(), arguments.every);
+    let (samples, every, interrupted) = (samples(arguments), arguments.every, signals.interrupted());
+    let render = Render::new(renderer, camera, samples, folder.to_owned(), every, interrupted);
     let ends = Ends { readers: vec![ListReader::new(RENDER, render)], ..Ends::default() };
     let service = Service::start(&config, ends, &shutdown)?;
     let summary = service.summary();
@@ -82,7 +83,8 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
     no_reference(arguments)?;
     let shutdown = Shutdown::new();
     let origin = Origin::open(arguments, input, Reader::Files, &shutdown)?;
-    let _signals = SignalWatch::start(&shutdown)?;
+    let signals = SignalWatch::start(&shutdown)?;
+    let interrupted = signals.interrupted();
     let mut renderer = renderer(arguments, input)?;
     let camera = camera(arguments, &renderer)?;
     if let Target::Folder(folder) = target {
@@ -95,20 +97,26 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
             // It is dropped before waiting for the end, because the threads that make the lists may wait for
             // room in it.
             let mut link = lists.link;
+            let is_interrupted = || Error::failed("interrupted; there is no picture").at(path);
             match link.receive() {
                 Some(list) => {
                     metrics.frames.add(1);
-                    renderer
-                        .draw(&list.lights, &camera, samples(arguments))
-                        .and_then(|()| PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr))
+                    let goes_on = || !interrupted.is_requested();
+                    match renderer.draw_while(&list.lights, &camera, samples(arguments), goes_on) {
+                        Ok(true) => PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr),
+                        Ok(false) => Err(is_interrupted()),
+                        Err(error) => Err(error),
+                    }
                 }
+                None if interrupted.is_requested() => Err(is_interrupted()),
                 None if shutdown.is_requested() => Ok(()),
                 None => Err(Error::failed("gave no light list").at(input.name())),
             }
         }
         Target::Folder(folder) => {
             let progress = Progress::of(lists.count, "lists");
-            let render = Render::new(renderer, camera, samples(arguments), folder.clone(), arguments.every);
+            let (samples, every) = (samples(arguments), arguments.every);
+            let render = Render::new(renderer, camera, samples, folder.clone(), every, interrupted);
             let shown = Shown { render, progress: progress.clone() };
             let outcome = stages::run(shown, lists.link, Nowhere, &Clock::real(), &shutdown, &metrics);
             progress.finish();
