@@ -15,6 +15,10 @@ use tokio::sync::watch;
 /// Forms of one list that clients can choose freely: they mostly ask for a few round numbers. Once there are
 /// this many, others get a power of two.
 const FORMS_MAX: usize = 16;
+/// Most bytes of encoded lists that are kept. Those that take more are of the oldest lists, for which hardly a
+/// client asks any more, and are made again for one that does; those of the newest list are kept whatever they
+/// take.
+const FORMS_MAX_BYTES: usize = 1 << 25;
 
 /// Where the service puts data for clients: the newest lists, the newest map, the metrics of its stages.
 /// Posting never blocks; a restarted service continues to post on the same board.
@@ -177,9 +181,24 @@ impl Board {
         if let Err(error) = &encoded {
             tracing::error!("list {}: {error}", post.list.stamp.sequence);
         }
+        body.shrink_to_fit();
         let bytes = encoded.is_ok().then(|| Bytes::from(body));
         forms.push(Form { is_binary, light_count, bytes: bytes.clone() });
+        drop(forms);
+        self.drop_old_forms();
         bytes
+    }
+
+    /// Drops the forms of the oldest lists that are more than is kept.
+    fn drop_old_forms(&self) {
+        let mut kept_bytes = 0;
+        for (age, post) in lock(&self.lists).posts.iter().rev().enumerate() {
+            let mut forms = lock(&post.forms);
+            kept_bytes += forms.iter().filter_map(|form| form.bytes.as_ref()).map(Bytes::len).sum::<usize>();
+            if kept_bytes > FORMS_MAX_BYTES && age > 0 {
+                forms.clear();
+            }
+        }
     }
 }
 
@@ -329,6 +348,31 @@ mod tests {
         assert!(kept <= FORMS_MAX + 2 * 8, "{kept} forms: two whole lists and the powers up to 64 at most");
         let wanted = Subscription { lights: Some(77), ..Subscription::default() };
         assert_eq!(decoded(&board, &wanted, true).lights.len(), 64);
+    }
+
+    #[test]
+    fn encoded_lists_take_bounded_memory() {
+        let board = Board::default();
+        let all = Subscription::default();
+        let bytes_kept = |board: &Board| {
+            let bytes = |post: &Arc<Post>| {
+                let forms = lock(&post.forms);
+                forms.iter().filter_map(|form| form.bytes.as_ref()).map(Bytes::len).sum::<usize>()
+            };
+            board.look(|posts| posts.iter().map(bytes).collect::<Vec<usize>>())
+        };
+        let whole = list(0, 16_000);
+        for _ in 0..QUEUE_MAX {
+            board.post(&whole, &CaptureEpoch::default());
+            let (post, _) = board.newest().unwrap();
+            board.body(&post, &all, false).unwrap();
+        }
+        let kept = bytes_kept(&board);
+        assert!(kept.iter().sum::<usize>() <= FORMS_MAX_BYTES, "{kept:?}");
+        assert!(kept[0] == 0 && kept[63] > 0 && 64 * kept[63] > FORMS_MAX_BYTES, "{kept:?}");
+        // An old list is encoded again.
+        let oldest = board.look(|posts| posts[0].clone());
+        assert_eq!(board.body(&oldest, &all, false).unwrap().len(), kept[63]);
     }
 
     #[test]

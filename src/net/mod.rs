@@ -22,6 +22,7 @@ mod session;
 mod shared;
 mod stages;
 mod turn;
+mod upgrade;
 mod watched;
 
 pub use board::Board;

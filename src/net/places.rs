@@ -10,6 +10,9 @@ const ANSWER_WITHIN_NS: i64 = 10_000_000_000;
 const BYTES_PER_SECOND: u64 = 32_768;
 /// A client that has taken nothing of its answer for this long leaves when others wait.
 const STALLED_NS: i64 = 2_000_000_000;
+/// A connection that has asked for nothing may stay this long when others wait: clients that all come at once, as
+/// after a restart, have asked by then, and none of them pushes another out.
+const TO_ASK_NS: i64 = 50_000_000;
 
 /// All places. Some are for requests about the program's health alone, so that these are answered whatever
 /// the others do.
@@ -38,6 +41,14 @@ pub(super) struct Visit {
     pub flood: Notify,
 }
 
+/// What there is for a connection that has come.
+pub(super) enum Found {
+    Place(Place),
+    /// Nothing now, but one will have to leave soon: ask again.
+    Soon,
+    Nothing,
+}
+
 /// A place, free again when dropped.
 pub(super) struct Place {
     places: Arc<Places>,
@@ -53,9 +64,9 @@ impl Places {
     }
 
     /// A place for a connection that has come now. Where all are taken, the oldest that has not asked for
-    /// anything yet leaves, or else the one that has taken nothing of its answer for the longest time; where
-    /// there is none of either, the place is one for health, if one is free.
-    pub fn take(self: &Arc<Self>, now_ns: i64) -> Option<Place> {
+    /// anything yet leaves once it had time to, or else the one that has taken nothing of its answer for the
+    /// longest time; where there is none of either, the place is one for health, if one is free.
+    pub fn take(self: &Arc<Self>, now_ns: i64) -> Found {
         let mut taken = self.lock();
         let for_health = taken.iter().filter(|visit| visit.is_for_health).count();
         let mut is_for_health = false;
@@ -64,10 +75,12 @@ impl Places {
                 let leaver = taken.swap_remove(index);
                 leaver.leave.notify_one();
                 is_for_health = leaver.is_for_health;
+            } else if taken.iter().any(|visit| visit.asked_ns() == 0) {
+                return Found::Soon;
             } else if for_health < self.most_for_health {
                 is_for_health = true;
             } else {
-                return None;
+                return Found::Nothing;
             }
         }
         let visit = Arc::new(Visit {
@@ -81,7 +94,7 @@ impl Places {
             flood: Notify::new(),
         });
         taken.push(visit.clone());
-        Some(Place { places: self.clone(), visit })
+        Found::Place(Place { places: self.clone(), visit })
     }
 
     fn lock(&self) -> MutexGuard<'_, Vec<Arc<Visit>>> {
@@ -91,7 +104,8 @@ impl Places {
 
 /// Who has to leave for a newcomer.
 fn who_leaves(taken: &[Arc<Visit>], now_ns: i64) -> Option<usize> {
-    let idle = (0..taken.len()).filter(|&index| taken[index].asked_ns() == 0);
+    let idle = (0..taken.len())
+        .filter(|&index| taken[index].asked_ns() == 0 && now_ns - taken[index].came_ns >= TO_ASK_NS);
     let stalled = (0..taken.len()).filter(|&index| now_ns - taken[index].active_ns() >= STALLED_NS);
     let oldest_idle = idle.min_by_key(|&index| taken[index].came_ns);
     oldest_idle.or_else(|| stalled.min_by_key(|&index| taken[index].active_ns()))
@@ -148,6 +162,13 @@ mod tests {
 
     const SECOND_NS: i64 = 1_000_000_000;
 
+    fn take(places: &Arc<Places>, now_ns: i64) -> Option<Place> {
+        match places.take(now_ns) {
+            Found::Place(place) => Some(place),
+            Found::Soon | Found::Nothing => None,
+        }
+    }
+
     fn is_in(places: &Places, place: &Place) -> bool {
         places.lock().iter().any(|visit| Arc::ptr_eq(visit, &place.visit))
     }
@@ -155,15 +176,15 @@ mod tests {
     #[test]
     fn the_oldest_that_has_asked_for_nothing_leaves_first_then_the_one_that_takes_nothing() {
         let places = Places::new(4);
-        let [first, second, third] = [1, 2, 3].map(|second| places.take(second * SECOND_NS).unwrap());
+        let [first, second, third] = [1, 2, 3].map(|second| take(&places, second * SECOND_NS).unwrap());
         first.visit.asks(3 * SECOND_NS);
-        let fourth = places.take(4 * SECOND_NS).unwrap();
+        let fourth = take(&places, 4 * SECOND_NS).unwrap();
         assert_eq!([&first, &second, &third].map(|place| is_in(&places, place)), [true, false, true]);
         for place in [&third, &fourth] {
             place.visit.asks(4 * SECOND_NS);
         }
         third.visit.takes(100, 5 * SECOND_NS);
-        let fifth = places.take(6 * SECOND_NS).unwrap();
+        let fifth = take(&places, 6 * SECOND_NS).unwrap();
         assert_eq!([&first, &third, &fourth].map(|place| is_in(&places, place)), [false, true, true]);
         assert!(!fifth.visit.is_for_health && !is_in(&places, &first));
     }
@@ -171,24 +192,26 @@ mod tests {
     #[test]
     fn places_for_health_are_free_while_all_others_are_busy() {
         let places = Places::new(4);
-        let busy: Vec<_> = (0..3).map(|_| places.take(SECOND_NS).unwrap()).collect();
+        let busy: Vec<_> = (0..3).map(|_| take(&places, SECOND_NS).unwrap()).collect();
         busy.iter().for_each(|place| place.visit.asks(SECOND_NS));
-        let health = places.take(SECOND_NS).unwrap();
+        let health = take(&places, SECOND_NS).unwrap();
         assert!(health.visit.is_for_health && busy.iter().all(|place| !place.visit.is_for_health));
         health.visit.asks(SECOND_NS);
-        assert!(places.take(SECOND_NS).is_none());
+        assert!(take(&places, SECOND_NS).is_none());
         drop(health);
-        let health = places.take(SECOND_NS).unwrap();
-        // One that holds it without a word leaves to the next.
-        assert!(places.take(SECOND_NS).unwrap().visit.is_for_health && !is_in(&places, &health));
+        let health = take(&places, SECOND_NS).unwrap();
+        // One that holds it without a word leaves to the next, when it had time for one.
+        assert!(matches!(places.take(SECOND_NS), Found::Soon) && is_in(&places, &health));
+        let next = take(&places, SECOND_NS + TO_ASK_NS).unwrap();
+        assert!(next.visit.is_for_health && !is_in(&places, &health));
         drop(busy);
-        assert!(!places.take(SECOND_NS).unwrap().visit.is_for_health);
+        assert!(!take(&places, SECOND_NS).unwrap().visit.is_for_health);
     }
 
     #[test]
     fn an_answer_has_to_be_taken_at_some_rate() {
         let places = Places::new(4);
-        let place = places.take(SECOND_NS).unwrap();
+        let place = take(&places, SECOND_NS).unwrap();
         assert!(!place.visit.is_too_slow(100 * SECOND_NS), "another limit is for those that ask nothing");
         place.visit.asks(100 * SECOND_NS);
         assert!(!place.visit.is_too_slow(110 * SECOND_NS) && place.visit.is_too_slow(111 * SECOND_NS));

@@ -6,14 +6,15 @@ use super::page;
 use super::places::Visit;
 use super::session::Session;
 use super::shared::{EncodedMap, Peer, Shared};
+use super::upgrade::{Upgrade, protocol};
 use crate::error::{Error, Result};
 use crate::files::encode_map_exr;
 use crate::picture::encode_map_png;
 use crate::wire::{self, Subscription};
-use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{RawQuery, Request, State};
 use axum::http::header::{
-    CACHE_CONTROL, CONNECTION, CONTENT_TYPE, RETRY_AFTER, WWW_AUTHENTICATE, X_CONTENT_TYPE_OPTIONS,
+    CACHE_CONTROL, CONNECTION, CONTENT_TYPE, RETRY_AFTER, SEC_WEBSOCKET_VERSION, WWW_AUTHENTICATE,
+    X_CONTENT_TYPE_OPTIONS,
 };
 use axum::http::{HeaderName, HeaderValue, StatusCode};
 use axum::middleware::{self, Next};
@@ -23,6 +24,7 @@ use axum::{Extension, Router};
 use lightcast_core::image::PolarMap;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 
 /// A server whose newest list is older than this, and than five frames, is not ready.
 const READY_WITHIN: Duration = Duration::from_secs(5);
@@ -120,20 +122,24 @@ async fn stream(
     Extension(Peer(peer)): Extension<Peer>,
     Extension(visit): Extension<Arc<Visit>>,
     RawQuery(query): RawQuery,
-    upgrade: WebSocketUpgrade,
+    request: Request,
 ) -> Response {
     let subscription = match Subscription::from_query(query.as_deref().unwrap_or("")) {
         Ok(subscription) => subscription,
         Err(error) => return refused(StatusCode::BAD_REQUEST, error.to_string()),
     };
-    let upgrade = upgrade.protocols([wire::BINARY, wire::JSON]);
-    let is_binary = match upgrade.selected_protocol().map(HeaderValue::as_bytes) {
-        Some(name) if name == wire::BINARY.as_bytes() => true,
-        Some(_) => false,
-        None => {
-            let reason = format!("name a subprotocol: {} or {}", wire::JSON, wire::BINARY);
-            return refused(StatusCode::BAD_REQUEST, reason);
+    let protocol = protocol(request.headers(), [wire::BINARY, wire::JSON]);
+    let upgrade = match Upgrade::of(request) {
+        Ok(upgrade) => upgrade,
+        Err(error) => {
+            let mut response = refused(StatusCode::UPGRADE_REQUIRED, format!("lists are streamed: {error}"));
+            response.headers_mut().insert(SEC_WEBSOCKET_VERSION, HeaderValue::from_static("13"));
+            return response;
         }
+    };
+    let Some(protocol) = protocol else {
+        let reason = format!("name a subprotocol: {} or {}", wire::JSON, wire::BINARY);
+        return refused(StatusCode::BAD_REQUEST, reason);
     };
     let phase = shared.phase();
     let options = shared.options();
@@ -142,17 +148,17 @@ async fn stream(
         return refused(StatusCode::SERVICE_UNAVAILABLE, "all connection slots are taken; try again later");
     };
     visit.becomes_stream();
-    upgrade
-        .max_message_size(wire::DEMAND_MAX_BYTES)
-        .max_frame_size(wire::DEMAND_MAX_BYTES)
+    let config = WebSocketConfig::default()
+        .max_message_size(Some(wire::DEMAND_MAX_BYTES))
+        .max_frame_size(Some(wire::DEMAND_MAX_BYTES))
         // The buffer is cleared before every read, for every client.
-        .read_buffer_size(wire::DEMAND_MAX_BYTES)
-        .on_upgrade(move |socket| async move {
-            let session =
-                Session::new(socket, &shared, visit, phase, subscription, is_binary, options.patience);
-            session.run(peer).await;
-            drop(slot);
-        })
+        .read_buffer_size(wire::DEMAND_MAX_BYTES);
+    upgrade.with_protocol(protocol).begin(config, move |socket| async move {
+        let is_binary = protocol == wire::BINARY;
+        let session = Session::new(socket, &shared, visit, phase, subscription, is_binary, options.patience);
+        session.run(peer).await;
+        drop(slot);
+    })
 }
 
 async fn lights(State(shared): State<Arc<Shared>>, RawQuery(query): RawQuery) -> Response {

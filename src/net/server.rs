@@ -1,5 +1,5 @@
 use super::access::Names;
-use super::places::{Place, Places};
+use super::places::{Found, Place, Places};
 use super::room::Room;
 use super::shared::{Peer, Phase, Shared};
 use super::watched::Watched;
@@ -32,6 +32,8 @@ const GLANCE: Duration = Duration::from_secs(1);
 /// Answer to a connection for which there is no place.
 const NO_PLACE: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nretry-after: 1\r\nconnection: close\r\ncontent-length: 0\r\n\r\n";
+/// How often a place is looked for that is free soon.
+const SOON: Duration = Duration::from_millis(5);
 /// Longest time that clients have at the end to take the remaining lists.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
@@ -162,7 +164,7 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
             }
         };
         match accepted {
-            Ok((stream, address)) => match places.take(monotonic_ns()) {
+            Ok((stream, address)) => match place(&places).await {
                 Some(place) => {
                     let service = TowerToHyperService::new(router.clone());
                     tokio::spawn(connection(stream, Peer(address), service, place, shared.clone()));
@@ -189,6 +191,18 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
     };
     let _ = timeout(END_WITHIN, is_empty).await;
     Ok(())
+}
+
+/// A place for a connection, which is waited for where one is free soon; the others that come meanwhile wait in the
+/// system's queue.
+async fn place(places: &Arc<Places>) -> Option<Place> {
+    loop {
+        match places.take(monotonic_ns()) {
+            Found::Place(place) => return Some(place),
+            Found::Soon => sleep(SOON).await,
+            Found::Nothing => return None,
+        }
+    }
 }
 
 /// Answers the requests of one connection. A connection that becomes a stream of lists leaves this function

@@ -4,25 +4,32 @@ use super::board::Post;
 use super::places::Visit;
 use super::shared::{Phase, Shared};
 use super::turn::Turn;
+use super::upgrade::Socket;
 use crate::rt::{monotonic_ns, utc_from_monotonic_ns};
 use crate::wire::{Delivery, Subscription, binary, json};
-use axum::Error;
-use axum::extract::ws::{CloseCode, CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use axum::body::Bytes;
+use futures_util::{SinkExt, StreamExt};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, timeout};
-use tokio_tungstenite::tungstenite::{self, error::ProtocolError};
+use tokio_tungstenite::tungstenite::error::{Error, ProtocolError};
+use tokio_tungstenite::tungstenite::protocol::frame::coding::{CloseCode, Data, OpCode};
+use tokio_tungstenite::tungstenite::protocol::frame::{CloseFrame, Frame};
+use tokio_tungstenite::tungstenite::{Message, Utf8Bytes};
 
 /// A send that takes this long has waited for the client to take earlier data.
 const WAITED: Duration = Duration::from_millis(100);
 /// Longest wait for a client to take the closing message.
 const FAREWELL: Duration = Duration::from_millis(500);
+/// A longer list goes out in frames of this size, which is all that its client's connection holds of it: those
+/// who do not take theirs share one copy.
+const FRAME_BYTES: usize = 1 << 16;
 
 /// A connected client.
 pub(super) struct Session {
-    socket: WebSocket,
+    socket: Socket,
     shared: Arc<Shared>,
     visit: Arc<Visit>,
     phase: watch::Receiver<Phase>,
@@ -59,7 +66,7 @@ impl End {
 impl Session {
     /// `phase` was read before the rules by which the client was admitted.
     pub fn new(
-        socket: WebSocket,
+        socket: Socket,
         shared: &Arc<Shared>,
         visit: Arc<Visit>,
         phase: watch::Receiver<Phase>,
@@ -97,7 +104,7 @@ impl Session {
             // Waits until the client has closed its end: data that it has not taken when the connection
             // closes would be lost. After an invalid frame nothing can be read, and a distant client may see
             // the connection break without a reason.
-            let _ = timeout(FAREWELL, async { while let Some(Ok(_)) = self.socket.recv().await {} }).await;
+            let _ = timeout(FAREWELL, async { while let Some(Ok(_)) = self.socket.next().await {} }).await;
         }
     }
 
@@ -105,32 +112,32 @@ impl Session {
         let mut posts = self.shared.board.posts();
         posts.mark_changed();
         if *self.phase.borrow() == Phase::Ending {
-            return Err(End::Close(close_code::AWAY, "the server ends"));
+            return Err(End::Close(CloseCode::Away, "the server ends"));
         }
         let mut glance = interval(self.patience / 4);
         glance.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
                 biased;
-                received = self.socket.recv() => {
+                received = self.socket.next() => {
                     match received {
                         Some(Ok(message)) => self.receive(message).await?,
-                        Some(Err(error)) => return Err(end_of(error)),
+                        Some(Err(error)) => return Err(end_of(&error)),
                         None => return Err(End::Gone),
                     }
                 }
                 () = self.visit.flood.notified() => {
                     self.shared.counters.floods.add(1);
-                    return Err(End::Close(close_code::POLICY, "too many messages"));
+                    return Err(End::Close(CloseCode::Policy, "too many messages"));
                 }
                 _ = self.phase.changed() => {
                     let is_ending = *self.phase.borrow_and_update() == Phase::Ending;
                     if is_ending {
                         // The lists on the board are the remaining ones.
                         while self.send_next().await? {}
-                        return Err(End::Close(close_code::AWAY, "the server ends"));
+                        return Err(End::Close(CloseCode::Away, "the server ends"));
                     }
-                    return Err(End::Close(close_code::AWAY, "the server has new rules; connect again"));
+                    return Err(End::Close(CloseCode::Away, "the server has new rules; connect again"));
                 }
                 _ = glance.tick() => self.ask().await?,
                 _ = posts.changed() => {
@@ -152,16 +159,17 @@ impl Session {
         let Some(body) = self.shared.board.body(&post, self.turn.subscription(), self.is_binary) else {
             return Ok(true);
         };
-        let (delivery, mut bytes) = (delivery(&post, lost), Vec::new());
-        let message = if self.is_binary {
-            binary::encode(&body, &delivery, &mut bytes);
-            Message::Binary(bytes.into())
+        let delivery = delivery(&post, lost);
+        let (head, body, tail) = if self.is_binary {
+            (binary::head(&delivery).to_vec(), body, Vec::new())
         } else {
-            json::encode(&body, &delivery, &mut bytes);
-            Message::Text(String::from_utf8(bytes).expect("JSON is UTF-8").into())
+            (Vec::new(), body.slice(..json::open_length(&body)), json::tail(&delivery))
         };
-        let bytes = message_bytes(&message);
-        self.send(message).await?;
+        let bytes = (head.len() + body.len() + tail.len()) as u64;
+        match timeout(self.patience, self.send_parts(head, body, tail)).await {
+            Ok(sent) => sent?,
+            Err(_) => return Err(self.silent()),
+        }
         self.sent += 1;
         self.lost += lost;
         let counters = &self.shared.counters;
@@ -171,6 +179,23 @@ impl Session {
         let time_ns = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);
         self.shared.metrics.time_ns.record(time_ns);
         Ok(true)
+    }
+
+    /// Sends a list of three parts, in one frame if it is short.
+    async fn send_parts(&mut self, head: Vec<u8>, body: Bytes, tail: Vec<u8>) -> Result<(), End> {
+        let kind = if self.is_binary { Data::Binary } else { Data::Text };
+        let frame =
+            |bytes: Bytes, kind, is_last| Message::Frame(Frame::message(bytes, OpCode::Data(kind), is_last));
+        if head.len() + body.len() + tail.len() <= FRAME_BYTES {
+            return self.send(frame([&head[..], &body, &tail].concat().into(), kind, true)).await;
+        }
+        let (first, mut rest) = (body.slice(..FRAME_BYTES / 2), body.slice(FRAME_BYTES / 2..));
+        self.send(frame([&head[..], &first].concat().into(), kind, false)).await?;
+        while !rest.is_empty() {
+            let next = rest.split_to(rest.len().min(FRAME_BYTES));
+            self.send(frame(next, Data::Continue, false)).await?;
+        }
+        self.send(frame(tail.into(), Data::Continue, true)).await
     }
 
     async fn send(&mut self, message: Message) -> Result<(), End> {
@@ -184,11 +209,13 @@ impl Session {
                 Ok(())
             }
             Ok(Err(_)) => Err(End::Gone),
-            Err(_) => {
-                self.shared.counters.silent.add(1);
-                Err(End::Silent)
-            }
+            Err(_) => Err(self.silent()),
         }
+    }
+
+    fn silent(&self) -> End {
+        self.shared.counters.silent.add(1);
+        End::Silent
     }
 
     async fn answer(&mut self, answer: serde_json::Value) -> Result<(), End> {
@@ -210,9 +237,9 @@ impl Session {
             },
             Message::Binary(_) => {
                 self.shared.counters.bad_messages.add(1);
-                Err(End::Close(close_code::UNSUPPORTED, "clients send text"))
+                Err(End::Close(CloseCode::Unsupported, "clients send text"))
             }
-            Message::Ping(_) | Message::Pong(_) => Ok(()),
+            Message::Ping(_) | Message::Pong(_) | Message::Frame(_) => Ok(()),
             Message::Close(_) => Err(End::Gone),
         }
     }
@@ -221,11 +248,10 @@ impl Session {
     async fn ask(&mut self) -> Result<(), End> {
         let silence = self.last_activity.elapsed();
         if silence >= self.patience {
-            self.shared.counters.silent.add(1);
-            return Err(End::Silent);
+            return Err(self.silent());
         }
         if silence >= self.patience / 2 {
-            self.send(Message::Ping(axum::body::Bytes::new())).await?;
+            self.send(Message::Ping(Bytes::new())).await?;
         }
         Ok(())
     }
@@ -244,23 +270,13 @@ fn delivery(post: &Post, lost: u64) -> Delivery {
     }
 }
 
-fn message_bytes(message: &Message) -> u64 {
-    match message {
-        Message::Text(text) => text.len() as u64,
-        Message::Binary(bytes) => bytes.len() as u64,
-        _ => 0,
-    }
-}
-
 /// What an error of the connection means.
-fn end_of(error: Error) -> End {
-    match error.into_inner().downcast_ref::<tungstenite::Error>() {
-        Some(tungstenite::Error::Capacity(_)) => End::Close(close_code::SIZE, "the message is too long"),
-        Some(tungstenite::Error::Utf8(_)) => End::Close(close_code::INVALID, "text is UTF-8"),
-        Some(tungstenite::Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => End::Gone,
-        Some(tungstenite::Error::Protocol(_)) => {
-            End::Close(close_code::PROTOCOL, "this is no WebSocket frame")
-        }
+fn end_of(error: &Error) -> End {
+    match error {
+        Error::Capacity(_) => End::Close(CloseCode::Size, "the message is too long"),
+        Error::Utf8(_) => End::Close(CloseCode::Invalid, "text is UTF-8"),
+        Error::Protocol(ProtocolError::ResetWithoutClosingHandshake) => End::Gone,
+        Error::Protocol(_) => End::Close(CloseCode::Protocol, "this is no WebSocket frame"),
         _ => End::Gone,
     }
 }

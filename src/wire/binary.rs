@@ -95,24 +95,32 @@ pub fn encode_list(list: &LightList, body: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-/// Assembles a message from the result of [`encode_list`] and the rest. The capture times are sent if both
-/// are known.
+/// Assembles a message from the result of [`encode_list`] and the rest.
 pub fn encode(body: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
+    message.clear();
+    message.reserve(DELIVERY_BYTES + body.len());
+    message.extend_from_slice(&head(delivery));
+    message.extend_from_slice(body);
+}
+
+/// What stands before the result of [`encode_list`] in a message. The capture times are sent if both are
+/// known.
+pub fn head(delivery: &Delivery) -> [u8; DELIVERY_BYTES] {
     let Delivery { lost, capture_monotonic_ns, capture_utc_ns, sent_monotonic_ns, sent_utc_ns } = *delivery;
     let (flags, capture) = match (capture_monotonic_ns, capture_utc_ns) {
         (Some(monotonic_ns), Some(utc_ns)) => (HAS_CAPTURE_TIMES, [monotonic_ns, utc_ns]),
         _ => (0, [0; 2]),
     };
-    message.clear();
-    message.reserve(DELIVERY_BYTES + body.len());
-    message.extend_from_slice(&MAGIC);
-    message.extend_from_slice(&(HEADER_BYTES as u16).to_le_bytes());
-    message.extend_from_slice(&flags.to_le_bytes());
-    message.extend_from_slice(&lost.to_le_bytes());
-    for time_ns in [capture[0], capture[1], sent_monotonic_ns, sent_utc_ns] {
-        message.extend_from_slice(&time_ns.to_le_bytes());
+    let mut head = [0; DELIVERY_BYTES];
+    head[..4].copy_from_slice(&MAGIC);
+    head[4..6].copy_from_slice(&(HEADER_BYTES as u16).to_le_bytes());
+    head[6..8].copy_from_slice(&flags.to_le_bytes());
+    head[8..16].copy_from_slice(&lost.to_le_bytes());
+    let times_ns = [capture[0], capture[1], sent_monotonic_ns, sent_utc_ns];
+    for (bytes, time_ns) in head[16..].chunks_exact_mut(8).zip(times_ns) {
+        bytes.copy_from_slice(&time_ns.to_le_bytes());
     }
-    message.extend_from_slice(body);
+    head
 }
 
 /// Decodes a message into the storage of `message`. Unknown flags are ignored, as are the bytes of a longer

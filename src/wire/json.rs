@@ -14,10 +14,22 @@ const DELIVERY_BYTES: usize = 256;
 pub fn encode(list: &[u8], delivery: &Delivery, message: &mut Vec<u8>) {
     message.clear();
     message.reserve(list.len() + DELIVERY_BYTES);
-    message.extend_from_slice(list.trim_ascii_end().strip_suffix(b"}").unwrap_or(list));
-    message.extend_from_slice(b",\"stream\":");
-    serde_json::to_writer(&mut *message, delivery).expect("numbers go into JSON, and memory takes them");
-    message.push(b'}');
+    message.extend_from_slice(&list[..open_length(list)]);
+    message.extend_from_slice(&tail(delivery));
+}
+
+/// How much of the JSON object of a list stands in a message, before its [`tail`].
+pub fn open_length(list: &[u8]) -> usize {
+    list.trim_ascii_end().strip_suffix(b"}").unwrap_or(list).len()
+}
+
+/// The end of a message, after [`open_length`] bytes of the object of its list.
+pub fn tail(delivery: &Delivery) -> Vec<u8> {
+    let mut tail = Vec::with_capacity(DELIVERY_BYTES);
+    tail.extend_from_slice(b",\"stream\":");
+    serde_json::to_writer(&mut tail, delivery).expect("numbers go into JSON, and memory takes them");
+    tail.push(b'}');
+    tail
 }
 
 /// Decodes a message.

@@ -4,7 +4,7 @@ use crate::connection::{Posting, connect, get, wait_until};
 use crate::recording::{Recording, lightcast};
 use lightcast::net::ServerOptions;
 use lightcast_core::image::{PolarMap, PolarShape};
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -73,6 +73,29 @@ fn idle_connections_make_room_for_those_that_ask() {
         "lightcast_stage_events_total{stage=\"serve\",event=\"connections that gave their place to others\"}";
     assert!(posting.metric(left) >= 400.0);
     drop(idle);
+}
+
+/// As after a restart: all of them at once, more than there are places for requests.
+#[test]
+fn clients_that_all_come_at_once_all_get_in() {
+    let posting = Posting::new(ServerOptions::default());
+    posting.post(0..1);
+    let request = format!(
+        "GET /ws HTTP/1.1\r\nHost: {}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+         Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: lightcast.v1.bin\r\n\r\n",
+        posting.address()
+    );
+    let come = || {
+        let mut client = TcpStream::connect(posting.address()).unwrap();
+        client.write_all(request.as_bytes()).unwrap();
+        client
+    };
+    let mut clients: Vec<_> = (0..200).map(|_| come()).collect();
+    for (number, client) in clients.iter_mut().enumerate() {
+        let mut head = [0; 12];
+        client.read_exact(&mut head).unwrap_or_else(|error| panic!("client {number}: {error}"));
+        assert_eq!(&head, b"HTTP/1.1 101", "client {number}");
+    }
 }
 
 #[test]
