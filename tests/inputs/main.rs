@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
 mod calibrations;
+mod marks;
 mod pictures;
 #[cfg(feature = "render")]
 mod scenes;
