@@ -36,9 +36,9 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 /// A camera that is unplugged or does not answer is started again until it is back.
 ///
 /// With --listen the lists are also streamed to clients, over WebSockets; http://HOST:PORT/ shows them in a
-/// browser. Then SIGHUP reloads the configuration: if it is invalid the old one stays, otherwise the service
-/// restarts with it, and clients stay connected (those of a server whose section [server] has changed
-/// reconnect). Lists then are written only to --output; a full disk ends that output, or the pictures, and
+/// browser. Then SIGHUP reloads the configuration: if it is invalid the old one stays, and if it, its
+/// calibration and the files of its sequence are as before, the service goes on; otherwise it restarts with it,
+/// and clients stay connected (those of a server whose section [server] has changed reconnect). Lists then are written only to --output; a full disk ends that output, or the pictures, and
 /// nothing else.
 ///
 /// Examples:

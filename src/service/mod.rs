@@ -21,7 +21,7 @@ mod summary;
 pub use ends::{Ends, ListReader, Output, Pictures};
 pub use opened_source::OpenedSource;
 use prepared::Input;
-pub use prepared::Prepared;
+pub use prepared::{Named, Prepared};
 pub use recorder::{RECORD_QUEUE, RecordOptions, RecordSamples};
 pub use summary::Summary;
 

@@ -16,6 +16,7 @@ use crate::stage::{self, Patience, Recording};
 #[cfg(feature = "camera")]
 use lightcast_core::camera::Response;
 use lightcast_core::image::Frame;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Name of the stage, and of its thread.
@@ -121,6 +122,15 @@ impl OpenedSource {
     /// Whether frames wait for their reader; those of a camera do not.
     pub(super) fn waits(&self) -> bool {
         matches!(self.frames, Frames::Sequence(_))
+    }
+
+    /// The files of a sequence.
+    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
+        let sequence = match &self.frames {
+            Frames::Sequence(sequence) => Some(sequence.files()),
+            Frames::Camera(_) => None,
+        };
+        sequence.into_iter().flatten()
     }
 
     /// Frames to come, readable or not; `None` where they never end.

@@ -178,7 +178,8 @@ fn an_output_is_gone_on_with_rotated_and_kept_from_a_second_writer() {
     wait_until(|| path.exists() && lines(&path).len() > 2);
     std::fs::write(recording.configuration(), good).unwrap();
     let before = lines(&path).len();
-    reload(&mut running);
+    running.signal("HUP");
+    running.wait_for("is as before");
     wait_until(|| lines(&path).len() > before + 2);
     running.end();
     let text = std::fs::read_to_string(&old).unwrap();
@@ -189,6 +190,32 @@ fn an_output_is_gone_on_with_rotated_and_kept_from_a_second_writer() {
     let (first, last) = (text.lines().last().unwrap().to_owned(), sequences(&path));
     let first: serde_json::Value = serde_json::from_str(&first).unwrap();
     assert_eq!(first["sequence"].as_u64().unwrap() + 1, last[0], "no list is lost between the two files");
+}
+
+/// Rotated every hour, a day of a service: what `logrotate` does, without the hours between.
+#[test]
+fn no_list_is_lost_or_cut_in_a_day_of_rotations_and_the_service_goes_on() {
+    let recording = endless(10);
+    let path = recording.path().join("lists");
+    let rotated = |hour: u64| recording.path().join(format!("lists.{hour}"));
+    let mut command = recording.command();
+    command.args(["--listen", "127.0.0.1:0", "--output"]).arg(&path);
+    let mut running = Running::start(&mut command);
+    for hour in 0..24 {
+        wait_until(|| path.exists() && !std::fs::read(&path).unwrap().is_empty());
+        std::fs::rename(&path, rotated(hour)).unwrap();
+        running.signal("HUP");
+        running.wait_for("is as before");
+    }
+    wait_until(|| path.exists() && !std::fs::read(&path).unwrap().is_empty());
+    let said = running.end();
+    assert!(!said.contains("taken anew"), "{said}");
+    let all = (0..24).map(rotated).chain([path]).flat_map(|path| lines(&path));
+    let sequences: Vec<u64> = all.map(|list| list["sequence"].as_u64().unwrap()).collect();
+    assert!(
+        sequences.len() >= 25 && sequences.iter().copied().eq(0..sequences.len() as u64),
+        "{sequences:?}"
+    );
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::net::{Board, Server, ServerOptions};
 use crate::rt::{BackOff, Shutdown};
-use crate::service::{Prepared, Service, Summary};
+use crate::service::{Named, Prepared, Service, Summary};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -35,8 +35,11 @@ impl Serving<'_> {
         let Some(prepared) = self.wait_for(Aside::start(move || Prepared::new(&first))?) else {
             return Ok(());
         };
-        let mut service = self.start(&config, prepared?, self.arguments.record.clone())?;
-        while let Some(next) = self.run(service)? {
+        let prepared = prepared?;
+        let mut named = prepared.named().clone();
+        let mut service = self.start(&config, prepared, self.arguments.record.clone())?;
+        while let Some(next) = self.run(service, (&config, &named))? {
+            named = next.prepared.named().clone();
             let before = std::mem::replace(&mut config, next.config);
             let record = self.arguments.record.as_deref().map(next_folder);
             service = match self.start(&config, next.prepared, record.clone()) {
@@ -109,8 +112,9 @@ impl Serving<'_> {
         }
     }
 
-    /// Runs one service until its end; returns what to continue with, if there is anything.
-    fn run(&mut self, (service, ending): (Service, Shutdown)) -> Result<Option<Next>> {
+    /// Runs one service, of this configuration and what it names, until its end; returns what to continue with,
+    /// if there is anything.
+    fn run(&mut self, (service, ending): (Service, Shutdown), of: (&Config, &Named)) -> Result<Option<Next>> {
         let mut next = None;
         let mut reload = None;
         let summary = service.summary().with(self.server.metrics().clone());
@@ -123,7 +127,7 @@ impl Serving<'_> {
             } else if self.shutdown.is_requested() {
                 ending.request();
             } else if next.is_none() {
-                next = self.look_for_reload(&mut reload);
+                next = self.look_for_reload(&mut reload, of);
                 if next.is_some() {
                     ending.request();
                 }
@@ -141,8 +145,13 @@ impl Serving<'_> {
     }
 
     /// Starts to reload where SIGHUP came, and looks what has come of it; returns a configuration with which
-    /// the service is to start anew.
-    fn look_for_reload(&mut self, reload: &mut Option<Aside<Next>>) -> Option<Next> {
+    /// the service is to start anew. One that is as before is no reason for that: logs are rotated by the same
+    /// signal, and a camera would miss frames.
+    fn look_for_reload(
+        &mut self,
+        reload: &mut Option<Aside<Next>>,
+        (config, named): (&Config, &Named),
+    ) -> Option<Next> {
         // A signal that comes meanwhile waits.
         let is_busy = reload.as_ref().is_some_and(Aside::is_waited_for);
         if !is_busy && self.signals.take_hangup() {
@@ -159,6 +168,12 @@ impl Serving<'_> {
             }
         }
         match reload.as_mut()?.poll()? {
+            Ok(next) if next.config == *config && next.prepared.named() == named => {
+                tracing::info!("{}: is as before", self.arguments.config.path().display());
+                self.server.set_options(next.options);
+                self.watchdog.stays();
+                None
+            }
             Ok(next) => {
                 tracing::info!("{}: taken anew", self.arguments.config.path().display());
                 self.watchdog.starts_anew();
