@@ -37,3 +37,40 @@ fn options_of_textures_stand_before_their_names() {
     let mut pose = Pose::default();
     read.pose(0.0, &mut pose);
 }
+
+/// The area of all triangles.
+fn area(scene: &Scene) -> f32 {
+    let (corners, _) = shape(scene);
+    let area = |[a, b, c]: &[[f32; 3]; 3]| {
+        let [a, b, c] = [a, b, c].map(|corner| glam::Vec3::from(*corner));
+        0.5 * (b - a).cross(c - a).length()
+    };
+    corners.as_chunks::<3>().0.iter().map(area).sum()
+}
+
+#[test]
+fn concave_faces_cover_what_their_triangles_cover() {
+    let Some(concave) = scene("o_concave.obj") else { return };
+    let triangles = scene("o_concave_tri.obj").unwrap();
+    let (found, expected) = (area(&concave), area(&triangles));
+    assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+    assert!(concave.notes.is_empty(), "{:?}", concave.notes);
+}
+
+#[test]
+fn ply_files_may_have_blank_lines_and_numbers_of_any_form() {
+    let Some(plain) = scene("p_plain.ply") else { return };
+    for name in ["p_blank.ply", "p_dot1.ply"] {
+        let read = scene(name).unwrap();
+        assert_eq!(shape(&read), shape(&plain), "{name}");
+        assert!(read.notes.is_empty(), "{name}: {:?}", read.notes);
+    }
+    // Its normals are.
+    let read = scene("p_nan.ply").unwrap();
+    assert_eq!(shape(&read), shape(&plain));
+    assert!(
+        read.notes.iter().any(|note| note.contains("5 vertices have no usable normal")),
+        "{:?}",
+        read.notes
+    );
+}

@@ -138,7 +138,10 @@ fn damaged_obj_files_say_what_is_wrong_and_where() {
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "face vertex index out of bounds"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -9\n", "face vertex index out of bounds"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "face vertex index out of bounds"),
-        ("v 0 0 0\nv 1 0 0\nv NaN 1 0\nf 1 2 3\n", "position of vertex 2 (counted from 0) not finite"),
+        (
+            "v 0 0 0\nv 1 0 0\nv NaN 1 0\nf 1 2 3\n",
+            "has no triangle to show: 1 faces have corners that are not",
+        ),
         ("v 0 0 0\nv 1 0 0\nv inf 1 0\nf 1 2 3\n", "not finite"),
         ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "1 triangles without area left out"),
         ("v 0 0 0\nv 1 0 0\nv 1e10 1 0\nf 1 2 3\n", "coordinates are read up to 1e9"),
@@ -176,13 +179,17 @@ fn damaged_ply_files_say_what_is_wrong() {
     let nan = [floats(&[f32::NAN]), points[4..].to_vec(), face(&[0, 1, 2])].concat();
     for (says, header, body) in [
         ("is it complete?", HEADER.to_owned(), whole[..40].to_vec()),
-        ("is vertex 3, but there are 3", HEADER.to_owned(), [points.clone(), face(&[0, 1, 3])].concat()),
+        (
+            "face 0: has vertex 3, but there are 3",
+            HEADER.to_owned(),
+            [points.clone(), face(&[0, 1, 3])].concat(),
+        ),
         (
             "face 0: is damaged: it has negative indices",
             HEADER.to_owned(),
             [points.clone(), face(&[0, 1, -1])].concat(),
         ),
-        ("position of vertex 0 (counted from 0) not finite", HEADER.to_owned(), nan),
+        ("has no triangle to show", HEADER.to_owned(), nan),
         ("has no triangle to show", HEADER.to_owned(), [points.clone(), face(&[0, 1])].concat()),
         ("cannot hold", HEADER.replace("vertex 3", "vertex 18446744073709551615"), whole.clone()),
         ("cannot hold", HEADER.replace("face 1", "face 9000000000"), whole.clone()),
@@ -235,5 +242,38 @@ fn a_million_triangles_are_read() {
         let slope = (vertex.position[0] + 2.0 * vertex.position[2]).cos();
         let expected = Vec3::new(-slope, 1.0, -2.0 * slope).normalize_or_zero();
         assert!(Vec3::from(vertex.normal).abs_diff_eq(expected, 1e-3), "{vertex:?} {expected}");
+    }
+}
+
+#[test]
+fn faces_with_a_corner_that_is_not_finite_are_left_out_whole() {
+    let obj = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv nan 0 0\nf 1 2 3 4\nf 1 2 5 4\n";
+    let header = "format ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 2\nproperty list uchar int vertex_index\n";
+    let body = "0 0 0\n+1. 0 0\n\n1 1e0 .0\n0 1 -0\nNaN 0 inf\n4 0 1 2 3\n4 0 1 4 3\n";
+    for (name, scene) in [
+        ("obj", load_with("a.obj", obj.as_bytes(), &[]).unwrap()),
+        ("ply", ply(header, body.as_bytes()).unwrap()),
+    ] {
+        assert_eq!(scene.meshes[0].indices.len(), 6, "{name}");
+        assert_eq!(scene.meshes[0].bounds.max, Vec3::new(1.0, 1.0, 0.0), "{name}");
+        assert_eq!(scene.notes, ["1 faces have corners that are not finite; left out"], "{name}");
+    }
+}
+
+#[test]
+fn faults_in_the_body_of_an_ascii_ply_file_are_told_with_their_line() {
+    let header = "format ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 1\nproperty list uchar int vertex_indices\n";
+    for (body, words) in [
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1 two\n", "line 13: `two` is no number"),
+        ("0 0 0\n1 0\n0 1 0\n3 0 1 2\n", "line 11: has too few numbers for an element `vertex`"),
+        ("0 0 0\n1 0 0\n0 1 0\n", "ends before the last of the 1 elements `face`"),
+        ("0 0 0\n1 0 0\n0 1 0\n9999 0 1 2\n", "line 13: has a list of 9999 numbers"),
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "face 0: has vertex 3, but there are 3"),
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n", "face 0: is damaged"),
+    ] {
+        let message = ply(header, body.as_bytes()).unwrap_err();
+        assert!(message.contains(words), "{words}: {message}");
     }
 }

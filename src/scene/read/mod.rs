@@ -9,6 +9,8 @@ mod notes;
 mod obj;
 mod plain_text;
 mod ply;
+mod ply_text;
+mod polygon;
 mod texture_options;
 
 pub use budget::{MAX_TRIANGLES, MAX_VERTICES};

@@ -1,7 +1,7 @@
 //! Wavefront OBJ files and their material libraries, by `tobj`.
 //!
-//! Polygons become fans of triangles, which is correct for convex polygons. Points, lines, curves and
-//! smoothing groups are left out. All faces of one material become one mesh. Vertex colours (three numbers
+//! Polygons may be concave. Points, lines, curves and smoothing groups are left out, and so are faces with a
+//! corner that is not finite. All faces of one material become one mesh. Vertex colours (three numbers
 //! after a position, as MeshLab writes them) are taken as sRGB. Materials: Lambert with `Kd` (linear, as the
 //! format defines it) and `map_Kd` (sRGB), Phong's lobe with `Ks` and `Ns` unless `illum` is 0 or 1, `Ke`,
 //! `d`. If a library is missing or damaged, the scene is read without its materials, and a note says so.
@@ -11,6 +11,7 @@ use super::files::{Files, contained, short};
 use super::linear_from_srgb;
 use super::notes::{TRANSPARENCY, add_note, normal_notes};
 use super::plain_text::plain_text;
+use super::polygon::Polygons;
 use super::texture_options::{TextureOptions, texture_options};
 use crate::error::{Error, Place, Result};
 use crate::scene::material::GREY;
@@ -41,7 +42,8 @@ pub(super) fn read(bytes: &[u8], files: Files) -> Result<Scene> {
     let notes = RefCell::new(Vec::new());
     let known = RefCell::new(HashSet::new());
     let mut lines = Lines { rest: bytes, read: 0 };
-    let loaded = tobj::load_obj_buf(&mut lines, &tobj::GPU_LOAD_OPTIONS, |name| {
+    let options = tobj::LoadOptions { triangulate: false, ..tobj::GPU_LOAD_OPTIONS };
+    let loaded = tobj::load_obj_buf(&mut lines, &options, |name| {
         // A library may be named in every group.
         if !known.borrow_mut().insert(name.to_path_buf()) {
             return Ok(Default::default());
@@ -114,10 +116,12 @@ fn gather(
     notes: &mut Vec<String>,
 ) -> Result<Gathered> {
     let total: usize = models.iter().map(|model| model.mesh.positions.len() / 3).sum();
-    let corners: usize = models.iter().map(|model| model.mesh.indices.len()).sum();
-    Budget::default().take(total, corners / 3)?;
-    let mut vertices = Vec::with_capacity(total);
-    let mut indices = Vec::with_capacity(corners);
+    let triangles: usize =
+        models.iter().flat_map(|model| faces(&model.mesh)).map(|face| face.len() - 2).sum();
+    Budget::default().take(total, triangles)?;
+    let mut vertices: Vec<Vertex> = Vec::with_capacity(total);
+    let mut indices = Vec::with_capacity(3 * triangles);
+    let mut polygons = Polygons::default();
     // For every model, the material of the triangles that use vertices from its first one on.
     let mut ends = Vec::new();
     let mut default_material: [Option<usize>; 2] = [None; 2];
@@ -148,17 +152,26 @@ fn gather(
                 colour: [r, g, b, 1.0],
             }
         }));
-        indices.extend(mesh.indices.iter().map(|index| first + index));
+        let own = &mut vertices[first as usize..];
+        let mut triangles = Vec::new();
+        for face in faces(mesh) {
+            polygons.cut(face, |index| own[index as usize].position, &mut triangles);
+        }
+        // No triangle has them.
+        for vertex in own.iter_mut().filter(|v| v.position.iter().any(|value| !value.is_finite())) {
+            vertex.position = [0.0; 3];
+        }
         let material = mesh.material_id.unwrap_or_else(|| {
             *default_material[usize::from(colours.is_some())].get_or_insert_with(|| {
                 materials.push(Material::lambert([if colours.is_some() { 1.0 } else { GREY }; 3]));
                 materials.len() - 1
             })
         });
-        check(&vertices[first as usize..], &mesh.indices)
-            .map_err(|error| error.at(format_args!("object `{}`", short(&model.name))))?;
+        check(own, &triangles).map_err(|error| error.at(format_args!("object `{}`", short(&model.name))))?;
+        indices.extend(triangles.iter().map(|index| first + index));
         ends.push((first, material));
     }
+    polygons.notes(notes);
     let dropped = drop_zero_area(&vertices, &mut indices);
     let given = fill_normals(&mut vertices, &indices);
     normal_notes(notes, dropped, if has_normals { given } else { 0 });
@@ -171,6 +184,17 @@ fn gather(
     }
     let faces = of_material.into_iter().enumerate().filter(|(_, indices)| !indices.is_empty()).collect();
     Ok((vertices, faces))
+}
+
+/// The faces of three corners or more; `tobj` does not say how many each has where all are triangles.
+fn faces(mesh: &tobj::Mesh) -> impl Iterator<Item = &[u32]> {
+    let arities = mesh.face_arities.iter().map(|arity| *arity as usize);
+    let triangles = if mesh.face_arities.is_empty() { mesh.indices.len() / 3 } else { 0 };
+    let mut rest = &mesh.indices[..];
+    arities
+        .chain(std::iter::repeat_n(3, triangles))
+        .map_while(move |arity| rest.split_off(..arity))
+        .filter(|face| face.len() >= 3)
 }
 
 /// A mesh for every material, with only the vertices that it uses.

@@ -1,15 +1,20 @@
 //! PLY files: polygons of `vertex_indices` or `vertex_index` over vertices with `x y z`, and, where present,
 //! `nx ny nz`, `red green blue` (`alpha`) and `s t`, `u v` or `texture_u texture_v`.
 //!
-//! Polygons become fans of triangles, which is correct for convex polygons. Colours are taken as sRGB, as 3D
-//! scanners and MeshLab write them; 8 and 16 bits are scaled to [0, 1]. With colours the surface is
-//! Lambertian with the vertex colour as albedo, without colours it is [`GREY`](crate::scene::GREY). In ascii
-//! files `ply-rs-bw` reads plain decimal numbers only, not `nan`, `.5` or `5.`.
+//! Colours are taken as sRGB, as 3D scanners and MeshLab write them; 8 and 16 bits are scaled to [0, 1]. With
+//! colours the surface is Lambertian with the vertex colour as albedo, without colours it is
+//! [`GREY`](crate::scene::GREY). Faces with a corner that is not finite, as scanners write where they saw
+//! nothing, are left out.
+//!
+//! The bodies of ascii files are read here: `ply-rs-bw` takes plain decimal numbers only, not `nan`, `.5` or
+//! `5.`, and no blank lines.
 
 use super::budget::{Budget, MAX_TRIANGLES, MAX_VERTICES};
 use super::files::short;
 use super::linear_from_srgb;
 use super::notes::normal_notes;
+use super::ply_text::AsciiBody;
+use super::polygon::Polygons;
 use crate::error::{Error, Result};
 use crate::scene::material::GREY;
 use crate::scene::mesh::{check, drop_zero_area};
@@ -24,34 +29,44 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scene> {
     let mut reader = Reader::new(bytes);
     let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(damaged)?;
     check_header(&header, bytes.len())?;
-    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+    let mut text = AsciiBody::of(&header, bytes);
+    let (mut vertices, mut faces) = (Vec::new(), Vec::new());
     for (name, element) in &header.elements {
         match name.as_str() {
-            "vertex" => {
-                let elements = Parser::new().read_payload_for_element(&mut reader, element, &header);
-                let elements: Vec<PlyVertex> = elements.map_err(damaged)?;
-                vertices = elements.into_iter().map(|element| element.0).collect();
-            }
-            "face" => {
-                let faces = Parser::new().read_payload_for_element(&mut reader, element, &header);
-                triangulate(&faces.map_err(damaged)?, &mut indices)?;
-            }
-            _ => {
-                let others = Parser::<Skipped>::new().read_payload_for_element(&mut reader, element, &header);
-                others.map_err(damaged)?;
-            }
+            "vertex" => vertices = elements::<PlyVertex>(&mut reader, text.as_mut(), element, &header)?,
+            "face" => faces = elements::<Face>(&mut reader, text.as_mut(), element, &header)?,
+            _ => drop(elements::<Skipped>(&mut reader, text.as_mut(), element, &header)?),
         }
     }
+    let mut vertices: Vec<Vertex> = vertices.into_iter().map(|element| element.0).collect();
+    let mut notes = Vec::new();
+    let mut indices = triangulate(&faces, &vertices, &mut notes)?;
     Budget::default().take(vertices.len(), indices.len() / 3)?;
+    // No triangle has them.
+    for vertex in vertices.iter_mut().filter(|v| v.position.iter().any(|value| !value.is_finite())) {
+        *vertex = Vertex::default();
+    }
     check(&vertices, &indices).map_err(|error| error.at("mesh"))?;
     let has = |property| header.elements.get("vertex").is_some_and(|e| e.properties.contains_key(property));
-    let mut notes = Vec::new();
     let dropped = drop_zero_area(&vertices, &mut indices);
     let given = fill_normals(&mut vertices, &indices);
     normal_notes(&mut notes, dropped, if has("nx") { given } else { 0 });
     let material = Material::lambert([if has("red") { 1.0 } else { GREY }; 3]);
     let meshes = if indices.is_empty() { Vec::new() } else { vec![Mesh::new(vertices, indices, 0)] };
     Ok(Scene::of_meshes(meshes, vec![material], Vec::new(), notes))
+}
+
+/// All elements of one kind.
+fn elements<T: PropertyAccess>(
+    reader: &mut Reader<&[u8]>,
+    text: Option<&mut AsciiBody>,
+    element: &ElementDef,
+    header: &Header,
+) -> Result<Vec<T>> {
+    match text {
+        Some(text) => (0..element.count).map(|_| text.element(element)).collect(),
+        None => Parser::new().read_payload_for_element(reader, element, header).map_err(damaged),
+    }
 }
 
 fn damaged(error: ParseError) -> Error {
@@ -112,20 +127,26 @@ fn least_bytes(data_type: &PropertyType) -> usize {
     }
 }
 
-fn triangulate(faces: &[Face], indices: &mut Vec<u32>) -> Result<()> {
+fn triangulate(faces: &[Face], vertices: &[Vertex], notes: &mut Vec<String>) -> Result<Vec<u32>> {
+    let (mut indices, mut polygons) = (Vec::new(), Polygons::default());
     for (number, face) in faces.iter().enumerate() {
+        let at_face = |fault: String| Err(Error::usage(fault).at(format_args!("face {number}")));
         if face.is_damaged {
-            return Err(Error::usage("is damaged: it has negative indices (faces are counted from 0)")
-                .at(format_args!("face {number}")));
+            return at_face("is damaged: it has negative indices (faces are counted from 0)".to_owned());
         }
-        for pair in face.corners.get(1..).unwrap_or_default().windows(2) {
-            if indices.len() / 3 >= MAX_TRIANGLES {
-                return Err(Error::usage(format!("has more than {MAX_TRIANGLES} triangles; simplify it")));
-            }
-            indices.extend([face.corners[0], pair[0], pair[1]]);
+        if let Some(index) = face.corners.iter().find(|index| **index as usize >= vertices.len()) {
+            return at_face(format!(
+                "has vertex {index}, but there are {} (both counted from 0)",
+                vertices.len()
+            ));
         }
+        if indices.len() / 3 + face.corners.len() > MAX_TRIANGLES {
+            return Err(Error::usage(format!("has more than {MAX_TRIANGLES} triangles; simplify it")));
+        }
+        polygons.cut(&face.corners, |index| vertices[index as usize].position, &mut indices);
     }
-    Ok(())
+    polygons.notes(notes);
+    Ok(indices)
 }
 
 /// An element whose data are discarded.
