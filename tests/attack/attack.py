@@ -3,7 +3,7 @@
 
     tests/attack/attack.py target/release/lightcast
 
-Every attack has at most 500 connections and lasts four seconds. It fails where a health check takes more than
+Every attack has at most 1,500 connections and lasts four seconds. It fails where a health check takes more than
 a second, where lists come slower than nine tenths of what they do unattacked, or where the service does not
 end when it is asked to.
 """
@@ -55,7 +55,7 @@ def stream(port, queue=64):
 
 
 def idle(port, until):
-    held = [connect(port) for _ in range(500)]
+    held = [connect(port) for _ in range(1500)]
     time.sleep(max(0.0, until - time.monotonic()))
     return held
 
@@ -113,7 +113,7 @@ def nothing(_port, until):
 
 
 ATTACKS = [
-    ("500 idle connections", idle),
+    ("1500 idle connections", idle),
     ("70 maps that nobody takes", slow_maps),
     ("empty parts of a message", empty_parts),
     ("pings", pings),

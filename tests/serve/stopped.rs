@@ -69,9 +69,6 @@ fn idle_connections_make_room_for_those_that_ask() {
         let (time, status) = timed(posting.address(), path);
         assert!(status == 200 && time < SOON, "{path}: {status} after {time:?} with {} idle", idle.len());
     }
-    let left =
-        "lightcast_stage_events_total{stage=\"serve\",event=\"connections that gave their place to others\"}";
-    assert!(posting.metric(left) >= 400.0);
     drop(idle);
 }
 
