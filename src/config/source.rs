@@ -34,8 +34,8 @@ pub(super) struct SourceKeys {
     links: Option<Links>,
     // A sequence.
     path: Option<PathBuf>,
-    first: Option<u64>,
-    last: Option<u64>,
+    first: Option<i64>,
+    last: Option<i64>,
     repeat: Option<bool>,
     pace: Option<Pace>,
     bayer: Option<Bayer>,

@@ -1,6 +1,7 @@
 //! JPEG pictures of ordinary cameras: codes of 8 bits, which a response maps to radiance.
 
 use super::codec::{Attributes, check_size, guarded, resize, widen, with_codes};
+use super::huffman_tables::with_tables;
 use crate::error::{Error, Result};
 use ::image::codecs::jpeg::JpegDecoder;
 use ::image::{ColorType, ImageDecoder};
@@ -15,7 +16,8 @@ const MAX_FILE_BYTES: u64 = 1 << 28;
 const MAX_INFLATION: u64 = 2048;
 
 /// Decodes a JPEG picture, such as one frame of an MJPEG camera, into codes from 0 to 255: 1 channel for
-/// grey, 3 for colour as coded (usually sRGB). The frame's buffer is reused when it fits; its stamp is left
+/// grey, 3 for colour as coded (usually sRGB). One without Huffman tables, as many cameras send, is decoded with
+/// those of the standard. The frame's buffer is reused when it fits; its stamp is left
 /// as it is. The decoder itself allocates.
 ///
 /// # Errors
@@ -40,7 +42,8 @@ pub(super) fn read(source: impl Read, frame: &mut Frame, size: Option<[usize; 2]
 }
 
 fn decode(bytes: &[u8], frame: &mut Frame, size: Option<[usize; 2]>) -> Result<()> {
-    let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
+    let bytes = with_tables(bytes);
+    let decoder = JpegDecoder::new(Cursor::new(&*bytes)).map_err(damaged)?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
     check_size(width, height, size)?;

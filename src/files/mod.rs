@@ -6,6 +6,7 @@ mod codec;
 mod colour_space;
 mod dispatch;
 mod exposure;
+mod huffman_tables;
 mod jpeg;
 mod open_exr;
 #[cfg(feature = "april-grid")]

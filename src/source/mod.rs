@@ -5,6 +5,7 @@
 //! camera has its own pace; a stage waits for it and restarts it after a loss.
 
 mod bracket;
+mod file_number;
 mod live;
 mod pattern;
 mod sequence;

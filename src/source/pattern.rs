@@ -4,13 +4,16 @@
 //! |---|---|
 //! | a file that exists | this one |
 //! | a folder | its pictures (`.exr`, `.hdr`, `.jpeg`, `.jpg`, `.pic`, `.png`), whose names must be equal except for the number |
-//! | `name.####.exr` | the number with at least as many digits as there are `#` |
-//! | `name.%04d.exr`, `name.%d.exr` | the number as C prints it |
+//! | `name.####.exr` | the number with at least as many digits as there are `#`; other `#` before these are themselves |
+//! | `name.%04d.exr`, `name.%d.exr` | the number as C prints it; other `%` before it are themselves |
 //!
 //! In a folder the number consists of the digits directly before the extension, so that `map_1k.hdr` has
-//! none. Hidden files are left out.
+//! none, with a sign where nothing else is before it; or it is a time in seconds with a fraction, in
+//! nanoseconds then. Case does not count in extensions. Hidden files are left out.
 
+use super::file_number::{numbered, seconds};
 use crate::error::{Error, Result};
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -26,7 +29,7 @@ const LISTED_NAMES: usize = 8;
 ///
 /// Of kind [`Usage`](crate::error::Kind::Usage), naming the path: there are no files, names do not belong to
 /// one sequence, two files have the same number.
-pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
+pub(super) fn files(path: &Path) -> Result<Vec<(i64, PathBuf)>> {
     let fault = |message: String| Error::usage(message).at(path);
     if path.is_file() {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -45,8 +48,8 @@ pub(super) fn files(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut files = Vec::new();
         for name in names(folder).map_err(|error| error.at(path))? {
-            if let Some(number) = pattern.number(&name) {
-                files.push((number, folder.join(name)));
+            if let Some(number) = pattern.number(&name.text) {
+                files.push((number, folder.join(name.file)));
             }
         }
         if files.is_empty() {
@@ -73,25 +76,34 @@ fn is_file(entry: &fs::DirEntry) -> bool {
     }
 }
 
-/// All names of files in a folder, sorted, without hidden ones and those that are not Unicode.
-fn names(folder: &Path) -> Result<Vec<String>> {
+/// The name of a file, and as text: where it is no Unicode, with replacement characters.
+struct Name {
+    file: OsString,
+    text: String,
+}
+
+/// All names of files in a folder, sorted, without hidden ones.
+fn names(folder: &Path) -> Result<Vec<Name>> {
     let entries = fs::read_dir(folder)
         .and_then(Iterator::collect::<std::io::Result<Vec<_>>>)
         .map_err(|error| Error::usage("cannot be listed").because(error).at(folder))?;
-    let mut names: Vec<String> = entries
+    let mut names: Vec<Name> = entries
         .into_iter()
         .filter(is_file)
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .filter(|name| !name.starts_with('.'))
+        .map(|entry| Name { text: entry.file_name().to_string_lossy().into_owned(), file: entry.file_name() })
+        .filter(|name| !name.text.starts_with('.'))
         .collect();
-    names.sort();
+    names.sort_by(|a, b| a.text.cmp(&b.text));
     Ok(names)
 }
 
-fn in_folder(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
+/// What stands before the number of a name, the number, and what stands behind it.
+type Split<'a> = Option<(&'a str, i64, &'a str)>;
+
+fn in_folder(folder: &Path) -> Result<Vec<(i64, PathBuf)>> {
     let fault = |message: String| Error::usage(message).at(folder);
-    let is_picture = |name: &String| {
-        let extension = Path::new(name).extension().unwrap_or_default().to_ascii_lowercase();
+    let is_picture = |name: &Name| {
+        let extension = Path::new(&name.text).extension().unwrap_or_default().to_ascii_lowercase();
         EXTENSIONS.iter().any(|&known| extension == known)
     };
     let mut names = names(folder)?;
@@ -100,16 +112,19 @@ fn in_folder(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
         return Err(fault(format!("holds no pictures ({})", EXTENSIONS.map(|e| format!(".{e}")).join(", "))));
     };
     if names.len() == 1 {
-        let number = numbered(first).map_or(0, |(_, number, _)| number);
-        return Ok(vec![(number, folder.join(first))]);
+        let number = numbered(&first.text).map_or(0, |(_, number, _)| number);
+        return Ok(vec![(number, folder.join(&first.file))]);
     }
+    // Times in seconds look like sequences of one file, or of the fractions of one second.
+    let is_times = names.iter().all(|name| seconds(&name.text).is_some());
+    let split: fn(&str) -> Split = if is_times { seconds } else { numbered };
 
     // Every sequence, and every picture without a number, has one name.
-    let family = |name: &str| match numbered(name) {
-        Some((before, _, after)) => format!("{before}#{after}"),
+    let family = |name: &str| match split(name) {
+        Some((before, _, after)) => format!("{before}#{}", after.to_ascii_lowercase()),
         None => name.to_owned(),
     };
-    let mut families: Vec<String> = names.iter().map(|name| family(name)).collect();
+    let mut families: Vec<String> = names.iter().map(|name| family(&name.text)).collect();
     families.sort();
     families.dedup();
     if families.len() > 1 {
@@ -125,19 +140,11 @@ fn in_folder(folder: &Path) -> Result<Vec<(u64, PathBuf)>> {
     }
     names
         .iter()
-        .map(|name| match numbered(name) {
-            Some((_, number, _)) => Ok((number, folder.join(name))),
-            None => Err(Error::usage("has a number that is too large").at(folder.join(name).as_path())),
+        .map(|name| match split(&name.text) {
+            Some((_, number, _)) => Ok((number, folder.join(&name.file))),
+            None => Err(Error::usage("has a number that is too large").at(folder.join(&name.file).as_path())),
         })
         .collect()
-}
-
-/// Splits `name.0017.exr` into `name.`, 17 and `.exr`.
-fn numbered(name: &str) -> Option<(&str, u64, &str)> {
-    let (stem, _) = name.rsplit_once('.')?;
-    let before = stem.trim_end_matches(|c: char| c.is_ascii_digit());
-    let number = stem[before.len()..].parse().ok()?;
-    Some((before, number, &name[stem.len()..]))
 }
 
 /// A name with a placeholder for a number of at least `digits` digits.
@@ -149,27 +156,39 @@ struct Pattern<'a> {
 
 impl<'a> Pattern<'a> {
     fn parse(name: &'a str) -> Option<Self> {
-        if let Some((before, rest)) = name.split_once('#') {
-            let after = rest.trim_start_matches('#');
-            let one_place = !after.contains('#');
-            return one_place.then_some(Self { before, digits: 1 + rest.len() - after.len(), after });
+        if let Some(last) = name.rfind('#') {
+            let before = name[..last].trim_end_matches('#');
+            return Some(Self { before, digits: 1 + last - before.len(), after: &name[last + 1..] });
         }
-        let (before, rest) = name.split_once('%')?;
-        let (width, after) = rest.split_once('d')?;
-        let digits = match width {
-            "" => 1,
-            _ => width.strip_prefix('0')?.parse().ok().filter(|digits| (1..=20).contains(digits))?,
-        };
-        Some(Self { before, digits, after })
+        name.rmatch_indices('%').find_map(|(at, _)| {
+            let (width, after) = name[at + 1..].split_once('d')?;
+            let digits = match width {
+                "" => 1,
+                _ => width.strip_prefix('0')?.parse().ok().filter(|digits| (1..=20).contains(digits))?,
+            };
+            Some(Self { before: &name[..at], digits, after })
+        })
     }
 
-    /// The number in `name`, which must be padded with zeros to exactly `digits` digits if it has fewer.
-    fn number(&self, name: &str) -> Option<u64> {
-        let digits = name.strip_prefix(self.before)?.strip_suffix(self.after)?;
+    /// The number in `name`, which must be padded with zeros to exactly `digits` digits, its sign counted as C
+    /// counts it, if it has fewer.
+    fn number(&self, name: &str) -> Option<i64> {
+        let rest = name.strip_prefix(self.before)?;
+        let end = rest.len().checked_sub(self.after.len()).filter(|&end| rest.is_char_boundary(end))?;
+        let (number, after) = rest.split_at(end);
+        let digits = number.strip_prefix('-').unwrap_or(number);
         let plain = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
-        let filled = digits.len() == self.digits || (digits.len() > self.digits && !digits.starts_with('0'));
-        if plain && filled { digits.parse().ok() } else { None }
+        // C counts the sign; programs that put one before a padded number do not.
+        let is_padded = [number.len(), digits.len()].contains(&self.digits);
+        let filled = is_padded || (digits.len() > self.digits && !digits.starts_with('0'));
+        if plain && filled && is_same_but_for_case(after, self.after) { number.parse().ok() } else { None }
     }
+}
+
+/// Whether two ends of names are the same, the case of their extensions aside.
+fn is_same_but_for_case(one: &str, other: &str) -> bool {
+    let extension_at = |text: &str| text.rfind('.').unwrap_or(text.len());
+    one.get(..extension_at(one)) == other.get(..extension_at(other)) && one.eq_ignore_ascii_case(other)
 }
 
 #[cfg(test)]
@@ -177,7 +196,7 @@ mod tests {
     use super::*;
     use crate::error::Kind;
 
-    fn found(names: &[&str], path: &str) -> std::result::Result<Vec<(u64, String)>, String> {
+    fn found(names: &[&str], path: &str) -> std::result::Result<Vec<(i64, String)>, String> {
         let folder = tempfile::tempdir().unwrap();
         for name in names {
             fs::write(folder.path().join(name), b"").unwrap();
@@ -194,7 +213,7 @@ mod tests {
         }
     }
 
-    fn owned(list: &[(u64, &str)]) -> Vec<(u64, String)> {
+    fn owned(list: &[(i64, &str)]) -> Vec<(i64, String)> {
         list.iter().map(|(number, name)| (*number, (*name).to_owned())).collect()
     }
 
@@ -216,7 +235,7 @@ mod tests {
             let error = found(&["a.001.exr"], path).unwrap_err();
             assert!(error.contains(path) && error.contains("no file has a name like this"), "{error}");
         }
-        for path in ["a.exr", "a.##.##.exr", "a.%s.exr", "a.%4d.exr", "a.%099d.exr", "a.%0d.exr"] {
+        for path in ["a.exr", "a.%s.exr", "a.%4d.exr", "a.%099d.exr", "a.%0d.exr"] {
             let error = found(&["a.001.exr"], path).unwrap_err();
             assert!(error.contains("name.####.exr or name.%04d.exr"), "{path}: {error}");
         }
@@ -272,5 +291,46 @@ mod tests {
         );
         let huge = "a.99999999999999999999999.exr";
         assert_eq!(found(&[huge], huge).unwrap(), owned(&[(0, huge)]));
+    }
+    #[test]
+    fn other_signs_of_places_before_the_number_are_themselves() {
+        let names = ["shot%20a.0001.exr", "shot%20a.0002.exr", "take #3.0001.exr", "take ##.0001.exr"];
+        let percent = owned(&[(1, names[0]), (2, names[1])]);
+        assert_eq!(found(&names, "shot%20a.%04d.exr").unwrap(), percent);
+        assert_eq!(found(&names, "shot%20a.####.exr").unwrap(), percent);
+        assert_eq!(found(&names, "take #3.####.exr").unwrap(), owned(&[(1, names[2])]));
+        assert_eq!(found(&names, "take ##.%04d.exr").unwrap_err().contains("no file"), true);
+        assert_eq!(found(&names, "take ##.####.exr").unwrap(), owned(&[(1, names[3])]));
+    }
+
+    #[test]
+    fn signs_cases_and_times() {
+        let names = ["f.-001.exr", "f.-002.exr", "f.0000.exr", "f.0001.EXR"];
+        let expected = owned(&[(-2, names[1]), (-1, names[0]), (0, names[2]), (1, names[3])]);
+        for path in ["", "f.%04d.exr", "f.###.EXR"] {
+            let found = found(&names, path).unwrap();
+            assert_eq!(found[..2], expected[..2], "{path}");
+            assert!(path != "" || found == expected, "{found:?}");
+        }
+        let stamps = ["1403636579.763555.png", "1403636580.013.png", "1403636579.9.png"];
+        let expected =
+            [763_555_000, 900_000_000, 1_013_000_000].map(|time| 1_403_636_579_000_000_000_i64 + time);
+        let times: Vec<i64> = found(&stamps, "").unwrap().into_iter().map(|(time, _)| time).collect();
+        assert_eq!(times, expected);
+    }
+
+    #[test]
+    fn names_need_not_be_unicode() {
+        use std::os::unix::ffi::OsStrExt;
+        let folder = tempfile::tempdir().unwrap();
+        let name = |end: &str| {
+            folder.path().join(std::ffi::OsStr::from_bytes(&[b"caf\xe9.", end.as_bytes()].concat()))
+        };
+        for end in ["0001.exr", "0002.exr"] {
+            fs::write(name(end), b"").unwrap();
+        }
+        let expected = vec![(1, name("0001.exr")), (2, name("0002.exr"))];
+        assert_eq!(files(folder.path()).unwrap(), expected);
+        assert_eq!(files(&name("####.exr")).unwrap(), expected);
     }
 }

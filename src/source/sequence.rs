@@ -4,7 +4,7 @@
 //! the capture time (n - n0) / rate, whether or not the files in between exist. Missing numbers and unusable
 //! files are counted in `lost_before` of the next usable frame.
 //!
-//! Files of `lightcast record` hold their own capture times.
+//! Files of `lightcast record` hold their own capture times. Names may be times, see `timeline`.
 //!
 //! When a sequence repeats, the count continues: with n1 the last number, pass k gives file n the sequence
 //! number n + k (n1 - n0 + 1) and the corresponding capture time, so that the first frame follows the last at
@@ -12,6 +12,7 @@
 
 #[cfg(test)]
 mod tests;
+mod timeline;
 
 use super::{FrameSource, Next, pattern};
 use crate::error::{Error, Kind, Place, Result};
@@ -19,6 +20,7 @@ use crate::files::{Attributes, read, read_of_size};
 use crate::rt::Counter;
 use lightcast_core::image::{Bayer, Frame, LatLongCentres, Pixels};
 use std::path::{Path, PathBuf};
+use timeline::{Timeline, rate_hz};
 
 /// Which files to play, and how fast they were taken.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,9 +31,9 @@ pub struct SequenceOptions {
     /// single picture that is not repeated.
     pub frame_rate_hz: Option<f64>,
     /// Smallest file number to play.
-    pub first: Option<u64>,
+    pub first: Option<i64>,
     /// Largest file number to play.
-    pub last: Option<u64>,
+    pub last: Option<i64>,
     /// Whether to play it in a loop.
     pub repeat: bool,
     /// Colours of the pixels of a mosaic sensor, whose codes were saved as grey pictures; `None`: as the
@@ -86,8 +88,10 @@ impl FrameFormat {
 #[derive(Debug)]
 pub struct Sequence {
     path: PathBuf,
-    /// Number and path, ascending by number, at least one.
+    /// Frame number and path, ascending by number, at least one.
     files: Vec<(u64, PathBuf)>,
+    /// When each was captured after the first, where the names say so.
+    times_ns: Option<Vec<i64>>,
     format: FrameFormat,
     /// The file whose format all others must have.
     model: PathBuf,
@@ -115,19 +119,25 @@ impl Sequence {
     pub fn open(options: &SequenceOptions) -> Result<Self> {
         let path = &options.path;
         let fault = |message: String| Error::usage(message).at(path);
-        let (first, last) = (options.first.unwrap_or(0), options.last.unwrap_or(u64::MAX));
+        let (first, last) = (options.first.unwrap_or(i64::MIN), options.last.unwrap_or(i64::MAX));
         let mut files = pattern::files(path)?;
         let (lowest, highest) = (files[0].0, files[files.len() - 1].0);
         files.retain(|(number, _)| (first..=last).contains(number));
         if files.is_empty() {
+            let wanted = |name: &str, value: Option<i64>| {
+                value.map_or(String::new(), |value| format!(" {name} = {value}"))
+            };
             return Err(fault(format!(
-                "no file with a number from first = {first} to last = {last}; they have {lowest} to {highest}"
+                "no file has a number within{}{}; they have {lowest} to {highest}",
+                wanted("first", options.first),
+                wanted("last", options.last)
             )));
         }
 
         let mut frame = Frame::default();
         let (model, attributes) = first_readable(options, &files, &mut frame)?;
-        let rate = match options.frame_rate_hz.or(attributes.frame_rate_hz) {
+        let numbers: Vec<i64> = files.iter().map(|(number, _)| *number).collect();
+        let rate = match options.frame_rate_hz.or(attributes.frame_rate_hz).or_else(|| rate_hz(&numbers)) {
             Some(rate) if rate.is_finite() && rate > 0.0 => rate,
             // The recording of a camera without a rate: its files have capture times.
             Some(0.0) if options.frame_rate_hz.is_none() && attributes.capture_time_ns.is_some() => 0.0,
@@ -143,12 +153,20 @@ impl Sequence {
                 ));
             }
         };
+        let Timeline { numbers, times_ns, note } = Timeline::new(&numbers, rate);
+        if let Some(note) = note {
+            tracing::warn!("{}: {note}", path.display());
+        }
+        let model = model.to_owned();
+        let files: Vec<(u64, PathBuf)> =
+            numbers.into_iter().zip(files).map(|(number, (_, path))| (number, path)).collect();
         Ok(Self {
             path: path.clone(),
             expected: files[0].0,
             format: FrameFormat::of(&frame, &attributes, rate),
-            model: model.to_owned(),
+            model,
             files,
+            times_ns,
             repeat: options.repeat,
             bayer: options.bayer,
             index: 0,
@@ -223,7 +241,7 @@ fn take_as(bayer: Option<Bayer>, path: &Path, frame: &mut Frame) -> Result<()> {
 
 fn first_readable<'a>(
     options: &SequenceOptions,
-    files: &'a [(u64, PathBuf)],
+    files: &'a [(i64, PathBuf)],
     frame: &mut Frame,
 ) -> Result<(&'a Path, Attributes)> {
     let mut first_error = None;
@@ -262,9 +280,11 @@ impl FrameSource for Sequence {
             Err(error) if error.kind() == Kind::NotNow => return Err(error),
             filled => filled,
         };
+        let named_ns = self.times_ns.as_ref().map(|times_ns| times_ns[self.index]);
         self.index += 1;
         self.bad_in_a_row += 1;
         let Attributes { capture_time_ns, overflowed, .. } = filled?;
+        let capture_time_ns = capture_time_ns.or(named_ns);
         self.overflowed.add(overflowed);
         self.bad_in_a_row = 0;
 

@@ -7,6 +7,7 @@ mod marks;
 mod pictures;
 #[cfg(feature = "render")]
 mod scenes;
+mod sequences;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

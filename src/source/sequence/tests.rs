@@ -175,7 +175,7 @@ fn nothing_to_play_is_an_error_that_names_the_pattern() {
     let missing = SequenceOptions { path: folder.path().join("b.####.exr"), ..SequenceOptions::default() };
     assert!(refusal(&missing, Kind::Usage).contains("b.####.exr: no file"));
     let outside = SequenceOptions { first: Some(7), last: Some(9), ..options(&folder) };
-    assert!(refusal(&outside, Kind::Usage).contains("first = 7 to last = 9; they have 5 to 6"));
+    assert!(refusal(&outside, Kind::Usage).contains("within first = 7 last = 9; they have 5 to 6"));
     for number in [5, 6] {
         fs::write(folder.path().join(format!("a.{number:04}.exr")), b"v/1\x01").unwrap();
     }
