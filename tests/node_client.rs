@@ -106,3 +106,41 @@ fn the_javascript_example_prints_lists_of_the_program() {
     drop(example);
     reader.unwrap().join().unwrap();
 }
+
+/// As its user would, `npm install ./clients`; where Node has no WebSocket, the package `ws` comes with it.
+#[test]
+fn the_javascript_client_installs_and_takes_lists() {
+    if let Err(why) = version() {
+        return skip(&why);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let client = folder.path().join("clients");
+    std::fs::create_dir(&client).unwrap();
+    for name in ["lightcast.js", "package.json"] {
+        std::fs::copy(root().join("clients").join(name), client.join(name)).unwrap();
+    }
+    std::fs::write(folder.path().join("package.json"), "{\"private\": true, \"type\": \"module\"}").unwrap();
+    let npm = ["install", "--silent", "--no-audit", "--no-fund", "--install-links", "./clients"];
+    match Command::new("npm").args(npm).current_dir(folder.path()).stdin(Stdio::null()).output() {
+        Err(error) => return skip(&format!("no npm can be started: {error}")),
+        Ok(output) if !output.status.success() => {
+            return skip(&format!("npm installs nothing: {}", String::from_utf8_lossy(&output.stderr)));
+        }
+        Ok(_) => {}
+    }
+    let server = Server::start();
+    let program = "import { LightcastClient } from 'lightcast';\n\
+                   const client = new LightcastClient(process.argv[2]);\n\
+                   client.addEventListener('list', ({ detail }) => { console.log(detail.lights.length); process.exit(0); });\n\
+                   client.addEventListener('state', ({ detail }) => { if (detail.state === 'closed') console.error(detail.reason); });\n\
+                   client.connect();\n";
+    std::fs::write(folder.path().join("main.js"), program).unwrap();
+    let output =
+        Command::new("node").args(["main.js", &server.url]).current_dir(folder.path()).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && said.trim().parse::<usize>().is_ok_and(|count| count > 0),
+        "{said}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}

@@ -2,5 +2,6 @@
 //
 //     node tests/clients/test_lightcast.mjs
 
+import "./axes.mjs";
 import "./decoders.mjs";
 import "./connections.mjs";
