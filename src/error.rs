@@ -2,10 +2,12 @@
 //! ([`Place`]), and a sentence for the reader.
 
 mod place;
+mod plain_words;
 mod text_file;
 mod toml_text;
 
 pub use place::Place;
+pub use plain_words::plain_words;
 pub use text_file::{read_at_most, without_mark};
 pub use toml_text::TomlText;
 

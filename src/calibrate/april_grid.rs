@@ -2,7 +2,7 @@
 //! columns, with black squares between their corners.
 
 use super::Corner;
-use crate::error::{Error, Place, Result, read_at_most};
+use crate::error::{Error, Place, Result, plain_words, read_at_most};
 use crate::files::GreyPicture;
 use crate::rt::contained;
 use ::aprilgrid::TagFamily;
@@ -78,8 +78,9 @@ impl AprilGrid {
     /// # Errors
     /// As [`Self::load`], without the file's name.
     pub fn parse(text: &str) -> Result<Self> {
-        let file: File = serde_saphyr::from_str(text)
-            .map_err(|error| Error::usage("is no target file of Kalibr").because(error.to_string()))?;
+        let file: File = serde_saphyr::from_str(text).map_err(|error| {
+            Error::usage("is no target file of Kalibr").because(plain_words(&error.to_string()))
+        })?;
         let File {
             target_type,
             tag_cols: columns,

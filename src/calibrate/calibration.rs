@@ -17,7 +17,7 @@
 //! 0.5 px is added to their cx and cy on loading.
 
 use super::{document, kalibr_file, opencv_file};
-use crate::error::{Error, Place, Result, read_at_most};
+use crate::error::{Error, Place, Result, plain_words, read_at_most};
 use lightcast_core::camera::{Lens, LensParameters, Response, ResponseModel};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -105,8 +105,8 @@ impl Calibration {
 
     fn parse_own(text: &str, camera: Option<&str>) -> Result<Self> {
         no_cameras(camera)?;
-        let file: File =
-            serde_json::from_str(text).map_err(|error| Error::usage("cannot be used").because(error))?;
+        let file: File = serde_json::from_str(text)
+            .map_err(|error| Error::usage("cannot be used").because(plain_words(&error.to_string())))?;
         if file.version != VERSION {
             return Err(Error::usage(format!("is not known, this program reads version {VERSION}"))
                 .at(Place::value("version", file.version)));

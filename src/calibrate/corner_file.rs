@@ -34,7 +34,7 @@
 //! ```
 
 use super::{BoardView, Corner};
-use crate::error::{Error, Place, Result, read_at_most};
+use crate::error::{Error, Place, Result, plain_words, read_at_most};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -115,7 +115,7 @@ impl CornerSet {
     pub fn parse(text: &str) -> Result<Self> {
         let file: File = serde_json::from_str(text).map_err(|error| {
             Error::usage("is no file of corners that can be used (its form: lightcast calibrate lens --help)")
-                .because(error)
+                .because(plain_words(&error.to_string()))
         })?;
         if file.version != VERSION {
             return Err(Error::usage(format!("is not known, this program reads version {VERSION}"))

@@ -1,6 +1,6 @@
 //! Files that people write in TOML, and the position of faults in them.
 
-use super::{Error, Place, Result, read_at_most};
+use super::{Error, Place, Result, plain_words, read_at_most};
 use serde::de::DeserializeOwned;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -40,7 +40,7 @@ impl TomlText {
     /// Kind `Usage`, naming file, line and what is written there: invalid TOML, unknown keys, wrong types.
     pub fn parse<T: DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(&self.text).map_err(|error| {
-            let message = error.message().replace('\n', ", ");
+            let message = plain_words(&error.message().replace('\n', ", "));
             let fault = match error.span() {
                 Some(span) => {
                     let number = self.line_of_byte(span.start);

@@ -148,7 +148,10 @@ mod tests {
         for (message, expected) in [
             (format!("{}}}", &sound[..stream]), "has no key `stream`: it is a list, but no message"),
             (format!("{},\"stream\":null}}", &sound[..stream]), "has no key `stream`"),
-            (sound.replace("\"lost\":18446744073709551615", "\"lost\":-1"), "invalid value: integer `-1`"),
+            (
+                sound.replace("\"lost\":18446744073709551615", "\"lost\":-1"),
+                "`-1` given where a whole number",
+            ),
             (sound.replace("\"lost\":18446744073709551615,", ""), "missing field `lost`"),
             (
                 sound.replace("\"version\":1", "\"version\":2"),

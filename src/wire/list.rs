@@ -1,7 +1,7 @@
 //! Lists as JSON: version 1 of the object that files, streams and standard output have.
 
 use super::limits::{LENGTH_TOLERANCE, MOST_IRRADIANCE, MOST_POWER};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, plain_words};
 use lightcast_core::image::Stamp;
 use lightcast_core::light::{Light, LightList, MAX_LIGHTS};
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -92,8 +92,9 @@ pub fn read_list(text: &[u8], list: &mut LightList) -> Result<()> {
 /// # Errors
 /// Also when that value is not an `S`.
 pub(super) fn read_list_with<S: DeserializeOwned>(text: &[u8], list: &mut LightList) -> Result<Option<S>> {
-    let read: Read<S> = serde_json::from_slice(text)
-        .map_err(|error| Error::failed("is no light list, one JSON object").because(error))?;
+    let read: Read<S> = serde_json::from_slice(text).map_err(|error| {
+        Error::failed("is no light list, one JSON object").because(plain_words(&error.to_string()))
+    })?;
     let Read { version, sequence, capture_time_ns, lost_before, frame_rate_hz, .. } = read;
     let Read { filter_delay_frames, chosen_lights, power, error, prefix_errors, lights, stream, .. } = read;
     if version != 1 {
