@@ -36,6 +36,7 @@ impl SignalWatch {
     }
 
     /// Is requested by SIGINT and SIGTERM only, where the one given at the start also is when work is done.
+    #[cfg_attr(not(feature = "render"), expect(dead_code, reason = "only rendering takes long enough"))]
     pub fn interrupted(&self) -> &Shutdown {
         &self.interrupted
     }
