@@ -50,6 +50,8 @@ impl Serving<'_> {
                 Err(error) => {
                     tracing::error!("the new configuration does not work, back to the one before: {error}");
                     config = before;
+                    // What that one names is not looked at again: the next reload is taken in any case.
+                    named = Named::default();
                     let Some(service) = self.start_as_before(&mut config, record.as_deref()) else { break };
                     service
                 }
