@@ -1,10 +1,10 @@
-// The brightest light of every list, until interrupted (Node 22, or an older one with the package ws):
+// The brightest light of every list, until interrupted (Node 22 or later):
 //
-//     node example.mjs 127.0.0.1:7300 [TOKEN]
+//     node example.mjs ws://127.0.0.1:7300/ws [TOKEN]
 
 import { LightcastClient } from "./lightcast.js";
 
-const [url = "127.0.0.1:7300", token = null] = process.argv.slice(2);
+const [url = "ws://127.0.0.1:7300/ws", token = null] = process.argv.slice(2);
 const client = new LightcastClient(url, { token, subscription: { lights: 16, rate_hz: 5 } });
 client.addEventListener("state", ({ detail: { state, reason } }) => console.error(state, reason));
 client.addEventListener("list", ({ detail: list }) => {

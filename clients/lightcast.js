@@ -84,50 +84,6 @@ const PATIENCE_MS = 10_000;
 const PART_OF_TOP = new Float64Array(65536);
 for (let code = 1; code < 65536; code++) PART_OF_TOP[code] = 2 ** ((code - 65535) / STEPS);
 
-/** The WebSocket of the package `ws`, where there is no other and it was needed. */
-let nodesWebSocket;
-
-/** From our axes to those under which a program shows the same panorama: which of ours, and its sign. */
-const AXES = {
-  world: [[0, 1], [1, 1], [2, 1]],
-  // +Z up, the middle of a panorama +X and what is left of it +Y.
-  blender: [[2, 1], [0, 1], [1, 1]],
-  // +Y up, the middle of a panorama +X and what is left of it -Z.
-  three: [[2, 1], [1, 1], [0, -1]],
-};
-
-/**
- * The direction of a light where a program shows the panorama.
- *
- * @param {Light} light
- * @param {"world" | "blender" | "three"} program `world`: as it is
- * @returns {[number, number, number]}
- * @throws {Error} for other programs
- */
-export function directionIn(light, program) {
-  if (!Object.hasOwn(AXES, program)) {
-    throw new Error(`${program}: unknown axes; there are ${Object.keys(AXES).sort().join(", ")}`);
-  }
-  return AXES[program].map(([axis, sign]) => light.direction[axis] * sign);
-}
-
-/** A server's address, whole. */
-function address(url) {
-  const text = String(url);
-  const wrong = () => new Error(`${text}: is no address of a server, such as 127.0.0.1:7300 or ws://127.0.0.1:7300/ws`);
-  let whole;
-  try {
-    whole = new URL(text.includes("://") ? text : `ws://${text}`);
-  } catch {
-    throw wrong();
-  }
-  if (whole.protocol === "http:") whole.protocol = "ws:";
-  if (whole.protocol === "https:") whole.protocol = "wss:";
-  if (whole.protocol !== "ws:" && whole.protocol !== "wss:") throw wrong();
-  if (whole.pathname === "/") whole.pathname = "/ws";
-  return whole;
-}
-
 /**
  * Decodes a message of the subprotocol {@link BINARY}.
  *
@@ -326,8 +282,7 @@ export class LightcastClient extends EventTarget {
   #state = { state: "closed", reason: "not connected yet", retry_ms: null };
 
   /**
-   * @param {string | URL} url what `lightcast watch` takes, `HOST:PORT`, `ws://HOST:PORT` or `http://HOST:PORT`, or
-   *   `wss://...` and `https://...`; the path is /ws where it says none
+   * @param {string | URL} url such as `ws://127.0.0.1:7300/ws`
    * @param {object} [options]
    * @param {"binary" | "json"} [options.format] default: binary
    * @param {string | null} [options.token] where the server asks for one
@@ -339,7 +294,7 @@ export class LightcastClient extends EventTarget {
   constructor(url, { format = "binary", token = null, subscription = {}, retryMinMs = 250, retryMaxMs = 8000 } = {}) {
     super();
     if (format !== "binary" && format !== "json") throw new Error(`format: "binary" or "json", not "${format}"`);
-    this.#url = address(url);
+    this.#url = new URL(url);
     this.#format = format;
     this.token = token;
     this.#subscription = { ...subscription };
@@ -398,14 +353,9 @@ export class LightcastClient extends EventTarget {
     for (const [key, value] of Object.entries(this.#subscription)) url.searchParams.set(key, String(value));
     const protocols = [this.#format === "binary" ? BINARY : JSON_TEXT];
     if (this.#token !== null) protocols.push(TOKEN_PREFIX + this.#token);
-    const Socket = globalThis.WebSocket ?? nodesWebSocket;
-    if (Socket === undefined) {
-      this.#load();
-      return;
-    }
     let socket;
     try {
-      socket = new Socket(url.href, protocols);
+      socket = new WebSocket(url.href, protocols);
     } catch (error) {
       // Not allowed from this page, not an address of a WebSocket, or no WebSockets here: the next attempt
       // would fail too.
@@ -434,23 +384,10 @@ export class LightcastClient extends EventTarget {
     socket.addEventListener("message", mine(({ data }) => this.#take(data)));
     // An "error" event comes before "close", and says no more.
     socket.addEventListener("close", mine(({ code, reason }) => {
-      // Browsers do not tell a page whether it was refused, or by whom.
-      const cause = wasOpen ? "the connection was lost" : "refused, or not there; see the server's messages";
+      const cause = wasOpen ? "the connection was lost" : "no connection";
       this.#lose(reason || (code === 1000 ? "closed by the server" : `${cause} (code ${code})`));
     }));
     this.#tell("connecting", "", null);
-  }
-
-  /** Node before 22 has no WebSocket of its own. */
-  async #load() {
-    this.#tell("connecting", "", null);
-    try {
-      ({ WebSocket: nodesWebSocket } = await import("ws"));
-    } catch {
-      this.#tell("closed", "there is no WebSocket here: install the package ws, or take Node 22", null);
-      return;
-    }
-    if (this.#state.state === "connecting") this.#attempt();
   }
 
   /**

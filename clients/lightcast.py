@@ -1,16 +1,15 @@
 """Lists of directional lights from a lightcast server, as they arrive.
 
-    pip install ./clients      (or this file alone, with "websockets>=15")
+    pip install "websockets>=15"
 
     import lightcast
 
-    for lights in lightcast.Stream("127.0.0.1:7300", lights=64):
+    for lights in lightcast.Stream("ws://127.0.0.1:7300/ws", lights=64):
         print(lights.sequence, lights.power, lights.age_s())
 
 `Stream` connects, and connects again when the connection is lost; `decode_binary` and `decode_json` take single
 messages apart. The protocol is described in lightcast's docs/protocol.md. Directions are unit vectors towards the
-light, right-handed, +Y up, a panorama's middle +Z and what is left of it +X; `Light.direction_in` turns them for
-programs with other axes. The irradiance of a light is that of a surface which faces it, linear Rec. 709.
+light, right-handed, +Y up; the irradiance of a light is that of a surface which faces it, linear Rec. 709.
 
 Needs Python 3.9 and the package `websockets` from version 15 on.
 """
@@ -48,16 +47,6 @@ MOST_QUEUED = 64
 LOG = logging.getLogger(__name__)
 
 
-# From our axes to those under which a program shows the same panorama: which of ours, and its sign.
-_AXES = {
-    "world": ((0, 1.0), (1, 1.0), (2, 1.0)),
-    # +Z up, the middle of a panorama +X and what is left of it +Y.
-    "blender": ((2, 1.0), (0, 1.0), (1, 1.0)),
-    # +Y up, the middle of a panorama +X and what is left of it -Z.
-    "three": ((2, 1.0), (1, 1.0), (0, -1.0)),
-}
-
-
 class Refused(Exception):
     """The server said no, and would say it again: wrong token, wrong address, a subscription that it does not take."""
 
@@ -73,13 +62,6 @@ class Light(NamedTuple):
     """Red, green, blue, on a surface that faces the light."""
     spread_rad: float
     """RMS angle in radians of what the light stands for about its direction; 0 where it is unknown."""
-
-    def direction_in(self, program: str) -> tuple[float, float, float]:
-        """The direction where this program shows the panorama: "blender", "three" (three.js) or "world" (ours)."""
-        if program not in _AXES:
-            raise ValueError(f"{program}: unknown axes; there are {', '.join(sorted(_AXES))}")
-        x, y, z = (self.direction[axis] * sign for axis, sign in _AXES[program])
-        return (x, y, z)
 
 
 @dataclasses.dataclass
@@ -329,8 +311,7 @@ _LATER = (408, 425, 429)
 class Stream:
     """An iterator over the lists of a server, without end: a connection that is lost comes back.
 
-    `url` is what `lightcast watch` takes, `HOST:PORT`, `ws://HOST:PORT` or `http://HOST:PORT`, or `wss://...` and
-    `https://...`; the path is /ws where it says none. `token` is sent as `Authorization: Bearer ...`. Lists come as bytes
+    `url` is `ws://HOST:PORT/ws`, or `wss://...`. `token` is sent as `Authorization: Bearer ...`. Lists come as bytes
     unless `binary` is false. The rest says which lists are wanted:
 
     - `lights`: so many lights at most; the later ones join them, power is kept.
@@ -358,7 +339,9 @@ class Stream:
         rate_hz: Optional[float] = None,
         queue: Optional[int] = None,
     ):
-        self._url = _address(url)
+        self._url = urllib.parse.urlsplit(url)
+        if self._url.scheme not in ("ws", "wss") or not self._url.hostname or self._url.port == 0:
+            raise ValueError(f"{url}: no address of the form ws://HOST:PORT/ws")
         self._headers = {} if token is None else {"Authorization": f"Bearer {token}"}
         self._subprotocol = BINARY if binary else JSON
         # The subscription that is wanted, and the one that the server has accepted: the two differ until it
@@ -486,20 +469,6 @@ class Stream:
         if "subscribed" in said:
             self._agreed = self._wanted
         return None
-
-
-def _address(url: str) -> urllib.parse.SplitResult:
-    """The parts of a server's address, whole."""
-    wrong = ValueError(f"{url}: is no address of a server, such as 127.0.0.1:7300 or ws://127.0.0.1:7300/ws")
-    try:
-        parts = urllib.parse.urlsplit(url if "://" in url else f"ws://{url}")
-        port = parts.port
-    except ValueError:
-        raise wrong from None
-    scheme = {"http": "ws", "https": "wss"}.get(parts.scheme, parts.scheme)
-    if scheme not in ("ws", "wss") or not parts.hostname or port == 0:
-        raise wrong
-    return parts._replace(scheme=scheme, path=parts.path if parts.path.strip("/") else "/ws")
 
 
 def _subscription(

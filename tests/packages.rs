@@ -47,14 +47,3 @@ fn the_program_packs_what_is_compiled_in_and_what_its_texts_name() {
     ];
     check("lightcast", &needed, &["clients", "config", "docs", "shaders", "src"]);
 }
-
-#[test]
-fn the_clients_have_the_version_of_the_program() {
-    let text = |name: &str| {
-        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("clients").join(name)).unwrap()
-    };
-    let version = env!("CARGO_PKG_VERSION");
-    assert!(text("pyproject.toml").contains(&format!("\nversion = \"{version}\"\n")));
-    let package: serde_json::Value = serde_json::from_str(&text("package.json")).unwrap();
-    assert_eq!(package["version"], version);
-}

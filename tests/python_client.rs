@@ -113,39 +113,3 @@ fn the_python_client_takes_lists_from_the_program() {
         }
     }
 }
-
-/// As its user would, `pip install ./clients` and then the example, of which `head` reads a few lines.
-#[test]
-fn the_python_client_installs_and_its_example_ends_with_its_reader() {
-    let python = match python() {
-        Ok(python) => python,
-        Err(why) => return skip(&why),
-    };
-    // What pip builds would lie among the sources.
-    let folder = tempfile::tempdir().unwrap();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for name in ["lightcast.py", "pyproject.toml"] {
-        std::fs::copy(root.join("clients").join(name), folder.path().join(name)).unwrap();
-    }
-    let target = folder.path().join("installed");
-    let paths = [target.to_str().unwrap(), folder.path().to_str().unwrap()];
-    let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "--target"];
-    if let Err(why) = run(&python, &[&install[..], &paths].concat()) {
-        return skip(&format!("it cannot be installed: {why}"));
-    }
-    let server = Server::start();
-    let example = root.join("clients/example.py");
-    let line = format!("cd / && {:?} {:?} {:?} | head -n 3", python, example, server.url);
-    let output = Command::new("sh")
-        .args(["-c", &line])
-        .env("PYTHONPATH", &target)
-        .env("PYTHONSAFEPATH", "1")
-        .env("PYTHONDONTWRITEBYTECODE", "1")
-        .env("NO_PROXY", "*")
-        .stdin(Stdio::null())
-        .output()
-        .unwrap();
-    let (said, told) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert_eq!(said.lines().count(), 3, "{said}{told}");
-    assert!(told.is_empty(), "{told}");
-}

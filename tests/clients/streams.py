@@ -273,7 +273,7 @@ class Streams(unittest.TestCase):
             next(stream)
 
     def test_arguments_that_no_server_takes_are_told_at_once(self):
-        for url in ("", "ftp://localhost/ws", "ws:///ws", "localhost:http", "ws://localhost:99999/ws"):
+        for url in ("", "http://localhost/ws", "ws:///ws", "localhost:7300", "ws://localhost:99999/ws"):
             self.assertRaises(ValueError, lightcast.Stream, url)
         url = "ws://localhost:7300/ws"
         for keys in (

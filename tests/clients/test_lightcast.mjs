@@ -2,6 +2,5 @@
 //
 //     node tests/clients/test_lightcast.mjs
 
-import "./axes.mjs";
 import "./decoders.mjs";
 import "./connections.mjs";

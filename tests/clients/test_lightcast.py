@@ -14,7 +14,6 @@ import unittest
 
 import golden  # noqa: F401, says where lightcast is
 import lightcast
-from axes import Axes  # noqa: F401
 from decoders import Decoders  # noqa: F401
 from streams import Streams  # noqa: F401
 
