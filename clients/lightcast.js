@@ -7,7 +7,8 @@
  *     client.connect();
  *
  * The protocol is described in docs/protocol.md. Directions are unit vectors from the scene towards the light, in a
- * right-handed world with +Y up; irradiances are linear Rec. 709, on a surface that faces the light.
+ * right-handed world with +Y up, the centre of a panorama +Z and left of it +X; {@link directionIn} turns them for
+ * other programs. Irradiances are linear Rec. 709, on a surface that faces the light.
  */
 
 /** WebSocket subprotocol of lists as bytes. */
@@ -248,6 +249,44 @@ function checked(list) {
   return list;
 }
 
+/** A direction by the axes of each program. */
+const AXES = {
+  world: ([x, y, z]) => [x, y, z],
+  blender: ([x, y, z]) => [z, x, y],
+  three: ([x, y, z]) => [z, y, -x],
+};
+
+/**
+ * A direction by the axes of Blender (+Z up) or three.js, so that the light stands where that program shows it in the
+ * same panorama.
+ *
+ * @param {[number, number, number]} direction of a {@link Light}
+ * @param {"world" | "blender" | "three"} axes "world" gives it as it is
+ * @returns {[number, number, number]}
+ * @throws {Error} for other names
+ */
+export function directionIn(direction, axes) {
+  if (!Object.hasOwn(AXES, axes)) {
+    throw new Error(`axes: "${axes}" is not known; give one of ${Object.keys(AXES).join(", ")}`);
+  }
+  return AXES[axes](direction);
+}
+
+/** Scheme, TLS, authority, path and query of a server's address. Fragments are for pages. */
+const ADDRESS = /^(?:(ws|http)(s?):\/\/)?([^\s/?#\\]+)(\/[^\s?#]*)?(\?[^\s#]*)?(?:#\S*)?$/i;
+
+/** The address of the stream that a text names. */
+function address(text) {
+  const [, scheme, secure = "", authority = "", path = "/", query = ""] = ADDRESS.exec(text) ?? [];
+  try {
+    const url = new URL(`ws${secure}://${authority}${path === "/" ? "/ws" : path}${query}`);
+    if (url.port !== "0" && (scheme !== undefined || /:\d+$/.test(authority))) return url;
+  } catch {
+    // Told below, as all that is no address.
+  }
+  throw new Error(`"${text}" is no address of a server, such as ws://127.0.0.1:7300`);
+}
+
 function fail(what) {
   throw new Error(`the message is no light list: ${what}`);
 }
@@ -282,19 +321,20 @@ export class LightcastClient extends EventTarget {
   #state = { state: "closed", reason: "not connected yet", retry_ms: null };
 
   /**
-   * @param {string | URL} url such as `ws://127.0.0.1:7300/ws`
+   * @param {string | URL} url `ws://HOST:PORT`, the address of the server's page (`http://...`), or `HOST:PORT`;
+   *   through TLS `wss://...` or `https://...`. Without a path it is `/ws`.
    * @param {object} [options]
    * @param {"binary" | "json"} [options.format] default: binary
    * @param {string | null} [options.token] where the server asks for one
    * @param {Subscription} [options.subscription] default: everything
    * @param {number} [options.retryMinMs] wait before the first new attempt; it doubles with each. Default: 250
    * @param {number} [options.retryMaxMs] longest wait. Default: 8000
-   * @throws {Error} when the URL is invalid, or the token has characters that a URL's path may not have
+   * @throws {Error} when the URL is no such address, or the token has characters that a URL's path may not have
    */
   constructor(url, { format = "binary", token = null, subscription = {}, retryMinMs = 250, retryMaxMs = 8000 } = {}) {
     super();
     if (format !== "binary" && format !== "json") throw new Error(`format: "binary" or "json", not "${format}"`);
-    this.#url = new URL(url);
+    this.#url = address(String(url));
     this.#format = format;
     this.token = token;
     this.#subscription = { ...subscription };
@@ -370,6 +410,7 @@ export class LightcastClient extends EventTarget {
     };
     const asked = this.#subscription;
     let wasOpen = false;
+    let fault = "";
     socket.addEventListener("open", mine(() => {
       wasOpen = true;
       this.#openedAt = this.#heardAt = performance.now();
@@ -382,10 +423,13 @@ export class LightcastClient extends EventTarget {
       this.#tell("open", "", null);
     }));
     socket.addEventListener("message", mine(({ data }) => this.#take(data)));
-    // An "error" event comes before "close", and says no more.
+    // Comes before "close". Browsers do not say to a page what has happened; Node's packages may.
+    socket.addEventListener("error", mine(({ message }) => (fault = message ? ` (${message})` : "")));
     socket.addEventListener("close", mine(({ code, reason }) => {
-      const cause = wasOpen ? "the connection was lost" : "no connection";
-      this.#lose(reason || (code === 1000 ? "closed by the server" : `${cause} (code ${code})`));
+      const cause = wasOpen
+        ? `the connection was lost (code ${code})`
+        : `no connection: refused, or not there; see the server's log${fault}`;
+      this.#lose(reason || (code === 1000 ? "closed by the server" : cause));
     }));
     this.#tell("connecting", "", null);
   }
