@@ -1,8 +1,9 @@
 /**
- * Light lists from a lightcast server, in browsers and in Node 22 and later (20.10 with --experimental-websocket). One
- * file, an ES module, no dependencies. The decoders work from Node 18 on.
+ * Light lists from a lightcast server, in browsers and in Node 22 and later. One file, an ES module, no dependencies.
+ * In Node 20, which has no WebSocket, lightcast_node.js brings that of the package `ws`. The decoders work from Node
+ * 18 on.
  *
- *     const client = new LightcastClient("ws://127.0.0.1:7300/ws", { subscription: { lights: 64 } });
+ *     const client = new LightcastClient("127.0.0.1:7300", { subscription: { lights: 64 } });
  *     client.addEventListener("list", ({ detail }) => console.log(detail.sequence, detail.lights.length));
  *     client.connect();
  *
@@ -310,6 +311,7 @@ export class LightcastClient extends EventTarget {
   /** Subscriptions that the server has not answered yet, and whether an `answer` event is wanted. */
   #unanswered = [];
   #delays;
+  #WebSocket;
   #socket = null;
   #timer = null;
   #attempts = 0;
@@ -329,9 +331,13 @@ export class LightcastClient extends EventTarget {
    * @param {Subscription} [options.subscription] default: everything
    * @param {number} [options.retryMinMs] wait before the first new attempt; it doubles with each. Default: 250
    * @param {number} [options.retryMaxMs] longest wait. Default: 8000
+   * @param {typeof WebSocket} [options.WebSocket] default: the one that is global when it connects
    * @throws {Error} when the URL is no such address, or the token has characters that a URL's path may not have
    */
-  constructor(url, { format = "binary", token = null, subscription = {}, retryMinMs = 250, retryMaxMs = 8000 } = {}) {
+  constructor(
+    url,
+    { format = "binary", token = null, subscription = {}, retryMinMs = 250, retryMaxMs = 8000, WebSocket } = {},
+  ) {
     super();
     if (format !== "binary" && format !== "json") throw new Error(`format: "binary" or "json", not "${format}"`);
     this.#url = address(String(url));
@@ -339,6 +345,7 @@ export class LightcastClient extends EventTarget {
     this.token = token;
     this.#subscription = { ...subscription };
     this.#delays = { min: retryMinMs, max: retryMaxMs };
+    this.#WebSocket = WebSocket;
   }
 
   /** The state of the last `state` event. */
@@ -393,12 +400,16 @@ export class LightcastClient extends EventTarget {
     for (const [key, value] of Object.entries(this.#subscription)) url.searchParams.set(key, String(value));
     const protocols = [this.#format === "binary" ? BINARY : JSON_TEXT];
     if (this.#token !== null) protocols.push(TOKEN_PREFIX + this.#token);
+    const WebSocket = this.#WebSocket ?? globalThis.WebSocket;
+    if (WebSocket === undefined) {
+      this.#tell("closed", "no WebSocket here; before Node 22 the package ws has one: npm install ws", null);
+      return;
+    }
     let socket;
     try {
       socket = new WebSocket(url.href, protocols);
     } catch (error) {
-      // Not allowed from this page, not an address of a WebSocket, or no WebSockets here: the next attempt
-      // would fail too.
+      // Not allowed from this page, or not an address of a WebSocket: the next attempt would fail too.
       this.#tell("closed", error.message, null);
       return;
     }

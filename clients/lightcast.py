@@ -1,10 +1,10 @@
 """Lists of directional lights from a lightcast server, as they arrive.
 
-    pip install "websockets>=15"
+    pip install ./clients       (or copy this file, and: pip install "websockets>=15")
 
     import lightcast
 
-    for lights in lightcast.Stream("ws://127.0.0.1:7300/ws", lights=64):
+    for lights in lightcast.Stream("127.0.0.1:7300", lights=64):
         print(lights.sequence, lights.power, lights.age_s())
 
 `Stream` connects, and connects again when the connection is lost; `decode_binary` and `decode_json` take single

@@ -216,6 +216,16 @@ withClient(
   "ws://forbidden/ws",
 );
 
+withClient("where there is no WebSocket, the client says so and takes the one that it is given", ({ client }) => {
+  delete globalThis.WebSocket;
+  client.connect();
+  assert.match(client.state.reason, /^no WebSocket here; before Node 22 the package ws has one/);
+  assert.equal(client.state.retry_ms, null);
+  const given = new LightcastClient("here:7300", { WebSocket: Socket });
+  given.connect();
+  assert.deepEqual([given.state.state, Socket.all[0].url], ["connecting", "ws://here:7300/ws"]);
+});
+
 withClient("what a browser does not say of a refusal, the server's log does", ({ client, clock }) => {
   client.connect();
   const fail = (socket, event) => {

@@ -48,13 +48,15 @@ fn suns_of_panoramas_have_the_directions_that_the_clients_turn() {
         let (column, row) = ((u * width as f64) as usize, ((1.0 - v) * height as f64) as usize);
         let mut values = vec![0.0; 3 * width * height];
         values[3 * (row * width + column)..][..3].fill(1000.0);
-        let frame = Frame { width, height, channels: 3, pixels: Pixels::Radiance(values), ..Frame::default() };
+        let frame =
+            Frame { width, height, channels: 3, pixels: Pixels::Radiance(values), ..Frame::default() };
         write_exr(&path, &frame, None, false).unwrap();
         let output = lightcast(&["lights", "--lights", "1"], &path);
         let list: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         let cosine: f64 = (0..3)
             .map(|axis| {
-                list["lights"][0]["direction"][axis].as_f64().unwrap() * sun["direction"][axis].as_f64().unwrap()
+                list["lights"][0]["direction"][axis].as_f64().unwrap()
+                    * sun["direction"][axis].as_f64().unwrap()
             })
             .sum();
         // A corner of the picture's pixel, and half a pixel of the map, both of one degree.
