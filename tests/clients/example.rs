@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A list, or an end, that takes longer does not come; the machine may be busy with other work.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -15,7 +15,8 @@ pub struct Example {
     guard: Guard,
     lines: Receiver<String>,
     reader: JoinHandle<()>,
-    errors: JoinHandle<String>,
+    /// What it wrote on standard error, at its end.
+    errors: Receiver<String>,
 }
 
 impl Example {
@@ -32,12 +33,15 @@ impl Example {
                 }
             }
         });
-        let errors = std::thread::Builder::new().spawn(move || {
+        let (end_sender, end) = sync_channel(1);
+        let watcher = std::thread::Builder::new().spawn(move || {
             let mut said = String::new();
             errors.read_to_string(&mut said).unwrap();
-            said
+            let _ = end_sender.send(said);
         });
-        Self { guard, lines: receiver, reader: reader.unwrap(), errors: errors.unwrap() }
+        // It ends with the example, of which the guard makes sure.
+        drop(watcher.unwrap());
+        Self { guard, lines: receiver, reader: reader.unwrap(), errors: end }
     }
 
     /// The next line that it prints.
@@ -59,16 +63,10 @@ impl Example {
         Self::end(self.guard, self.reader, self.errors)
     }
 
-    fn end(mut guard: Guard, reader: JoinHandle<()>, errors: JoinHandle<String>) -> (ExitStatus, String) {
-        let started = Instant::now();
-        let status = loop {
-            if let Some(status) = guard.0.try_wait().unwrap() {
-                break status;
-            }
-            assert!(started.elapsed() < PATIENCE, "it does not end");
-            std::thread::sleep(Duration::from_millis(20));
-        };
+    fn end(mut guard: Guard, reader: JoinHandle<()>, errors: Receiver<String>) -> (ExitStatus, String) {
+        let said = errors.recv_timeout(PATIENCE).expect("it ends");
+        let status = guard.0.wait().unwrap();
         reader.join().unwrap();
-        (status, errors.join().unwrap())
+        (status, said)
     }
 }
