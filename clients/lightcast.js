@@ -1,13 +1,15 @@
 /**
- * Light lists from a lightcast server, in browsers and in Node 22 and later (20.10 with --experimental-websocket). One
- * file, an ES module, no dependencies. The decoders work from Node 18 on.
+ * Light lists from a lightcast server, in browsers and in Node 22 and later. One file, an ES module, no dependencies.
+ * In Node 20, which has no WebSocket, lightcast_node.js brings that of the package `ws`. The decoders work from Node
+ * 18 on.
  *
- *     const client = new LightcastClient("ws://127.0.0.1:7300/ws", { subscription: { lights: 64 } });
+ *     const client = new LightcastClient("127.0.0.1:7300", { subscription: { lights: 64 } });
  *     client.addEventListener("list", ({ detail }) => console.log(detail.sequence, detail.lights.length));
  *     client.connect();
  *
  * The protocol is described in docs/protocol.md. Directions are unit vectors from the scene towards the light, in a
- * right-handed world with +Y up; irradiances are linear Rec. 709, on a surface that faces the light.
+ * right-handed world with +Y up, the centre of a panorama +Z and left of it +X; {@link directionIn} turns them for
+ * other programs. Irradiances are linear Rec. 709, on a surface that faces the light.
  */
 
 /** WebSocket subprotocol of lists as bytes. */
@@ -248,6 +250,44 @@ function checked(list) {
   return list;
 }
 
+/** A direction by the axes of each program. */
+const AXES = {
+  world: ([x, y, z]) => [x, y, z],
+  blender: ([x, y, z]) => [z, x, y],
+  three: ([x, y, z]) => [z, y, -x],
+};
+
+/**
+ * A direction by the axes of Blender (+Z up) or three.js, so that the light stands where that program shows it in the
+ * same panorama.
+ *
+ * @param {[number, number, number]} direction of a {@link Light}
+ * @param {"world" | "blender" | "three"} axes "world" gives it as it is
+ * @returns {[number, number, number]}
+ * @throws {Error} for other names
+ */
+export function directionIn(direction, axes) {
+  if (!Object.hasOwn(AXES, axes)) {
+    throw new Error(`axes: "${axes}" is not known; give one of ${Object.keys(AXES).join(", ")}`);
+  }
+  return AXES[axes](direction);
+}
+
+/** Scheme, TLS, authority, path and query of a server's address. Fragments are for pages. */
+const ADDRESS = /^(?:(ws|http)(s?):\/\/)?([^\s/?#\\]+)(\/[^\s?#]*)?(\?[^\s#]*)?(?:#\S*)?$/i;
+
+/** The address of the stream that a text names. */
+function address(text) {
+  const [, scheme, secure = "", authority = "", path = "/", query = ""] = ADDRESS.exec(text) ?? [];
+  try {
+    const url = new URL(`ws${secure}://${authority}${path === "/" ? "/ws" : path}${query}`);
+    if (url.port !== "0" && (scheme !== undefined || /:\d+$/.test(authority))) return url;
+  } catch {
+    // Told below, as all that is no address.
+  }
+  throw new Error(`"${text}" is no address of a server, such as ws://127.0.0.1:7300`);
+}
+
 function fail(what) {
   throw new Error(`the message is no light list: ${what}`);
 }
@@ -271,6 +311,7 @@ export class LightcastClient extends EventTarget {
   /** Subscriptions that the server has not answered yet, and whether an `answer` event is wanted. */
   #unanswered = [];
   #delays;
+  #WebSocket;
   #socket = null;
   #timer = null;
   #attempts = 0;
@@ -282,23 +323,29 @@ export class LightcastClient extends EventTarget {
   #state = { state: "closed", reason: "not connected yet", retry_ms: null };
 
   /**
-   * @param {string | URL} url such as `ws://127.0.0.1:7300/ws`
+   * @param {string | URL} url `ws://HOST:PORT`, the address of the server's page (`http://...`), or `HOST:PORT`;
+   *   through TLS `wss://...` or `https://...`. Without a path it is `/ws`.
    * @param {object} [options]
    * @param {"binary" | "json"} [options.format] default: binary
    * @param {string | null} [options.token] where the server asks for one
    * @param {Subscription} [options.subscription] default: everything
    * @param {number} [options.retryMinMs] wait before the first new attempt; it doubles with each. Default: 250
    * @param {number} [options.retryMaxMs] longest wait. Default: 8000
-   * @throws {Error} when the URL is invalid, or the token has characters that a URL's path may not have
+   * @param {typeof WebSocket} [options.WebSocket] default: the one that is global when it connects
+   * @throws {Error} when the URL is no such address, or the token has characters that a URL's path may not have
    */
-  constructor(url, { format = "binary", token = null, subscription = {}, retryMinMs = 250, retryMaxMs = 8000 } = {}) {
+  constructor(
+    url,
+    { format = "binary", token = null, subscription = {}, retryMinMs = 250, retryMaxMs = 8000, WebSocket } = {},
+  ) {
     super();
     if (format !== "binary" && format !== "json") throw new Error(`format: "binary" or "json", not "${format}"`);
-    this.#url = new URL(url);
+    this.#url = address(String(url));
     this.#format = format;
     this.token = token;
     this.#subscription = { ...subscription };
     this.#delays = { min: retryMinMs, max: retryMaxMs };
+    this.#WebSocket = WebSocket;
   }
 
   /** The state of the last `state` event. */
@@ -353,12 +400,16 @@ export class LightcastClient extends EventTarget {
     for (const [key, value] of Object.entries(this.#subscription)) url.searchParams.set(key, String(value));
     const protocols = [this.#format === "binary" ? BINARY : JSON_TEXT];
     if (this.#token !== null) protocols.push(TOKEN_PREFIX + this.#token);
+    const WebSocket = this.#WebSocket ?? globalThis.WebSocket;
+    if (WebSocket === undefined) {
+      this.#tell("closed", "no WebSocket here; before Node 22 the package ws has one: npm install ws", null);
+      return;
+    }
     let socket;
     try {
       socket = new WebSocket(url.href, protocols);
     } catch (error) {
-      // Not allowed from this page, not an address of a WebSocket, or no WebSockets here: the next attempt
-      // would fail too.
+      // Not allowed from this page, or not an address of a WebSocket: the next attempt would fail too.
       this.#tell("closed", error.message, null);
       return;
     }
@@ -370,6 +421,7 @@ export class LightcastClient extends EventTarget {
     };
     const asked = this.#subscription;
     let wasOpen = false;
+    let fault = "";
     socket.addEventListener("open", mine(() => {
       wasOpen = true;
       this.#openedAt = this.#heardAt = performance.now();
@@ -382,10 +434,13 @@ export class LightcastClient extends EventTarget {
       this.#tell("open", "", null);
     }));
     socket.addEventListener("message", mine(({ data }) => this.#take(data)));
-    // An "error" event comes before "close", and says no more.
+    // Comes before "close". Browsers do not say to a page what has happened; Node's packages may.
+    socket.addEventListener("error", mine(({ message }) => (fault = message ? ` (${message})` : "")));
     socket.addEventListener("close", mine(({ code, reason }) => {
-      const cause = wasOpen ? "the connection was lost" : "no connection";
-      this.#lose(reason || (code === 1000 ? "closed by the server" : `${cause} (code ${code})`));
+      const cause = wasOpen
+        ? `the connection was lost (code ${code})`
+        : `no connection: refused, or not there; see the server's log${fault}`;
+      this.#lose(reason || (code === 1000 ? "closed by the server" : cause));
     }));
     this.#tell("connecting", "", null);
   }

@@ -1,15 +1,16 @@
 """Lists of directional lights from a lightcast server, as they arrive.
 
-    pip install "websockets>=15"
+    pip install ./clients       (or copy this file, and: pip install "websockets>=15")
 
     import lightcast
 
-    for lights in lightcast.Stream("ws://127.0.0.1:7300/ws", lights=64):
+    for lights in lightcast.Stream("127.0.0.1:7300", lights=64):
         print(lights.sequence, lights.power, lights.age_s())
 
 `Stream` connects, and connects again when the connection is lost; `decode_binary` and `decode_json` take single
 messages apart. The protocol is described in lightcast's docs/protocol.md. Directions are unit vectors towards the
-light, right-handed, +Y up; the irradiance of a light is that of a surface which faces it, linear Rec. 709.
+light, right-handed, +Y up, the centre of a panorama +Z and left of it +X; `Light.direction_in` turns them for other
+programs. The irradiance of a light is that of a surface which faces it, linear Rec. 709.
 
 Needs Python 3.9 and the package `websockets` from version 15 on.
 """
@@ -20,6 +21,7 @@ import json
 import logging
 import math
 import random
+import re
 import ssl
 import struct
 import sys
@@ -29,6 +31,7 @@ import urllib.parse
 from typing import NamedTuple, Optional, Union
 
 from websockets.exceptions import InvalidStatus, InvalidURI, NegotiationError, WebSocketException
+from websockets.http11 import Response
 from websockets.sync.client import connect
 
 JSON = "lightcast.v1.json"
@@ -62,6 +65,16 @@ class Light(NamedTuple):
     """Red, green, blue, on a surface that faces the light."""
     spread_rad: float
     """RMS angle in radians of what the light stands for about its direction; 0 where it is unknown."""
+
+    def direction_in(self, axes: str) -> tuple[float, float, float]:
+        """The direction by the axes of "blender" (+Z up) or "three" (three.js), so that the light stands where that
+        program shows it in the same panorama; "world" gives it as it is. Raises ValueError for other names.
+        """
+        x, y, z = self.direction
+        directions = {"world": (x, y, z), "blender": (z, x, y), "three": (z, y, -x)}
+        if axes not in directions:
+            raise ValueError(f"axes: {axes!r} is not known; give one of {', '.join(directions)}")
+        return directions[axes]
 
 
 @dataclasses.dataclass
@@ -311,7 +324,8 @@ _LATER = (408, 425, 429)
 class Stream:
     """An iterator over the lists of a server, without end: a connection that is lost comes back.
 
-    `url` is `ws://HOST:PORT/ws`, or `wss://...`. `token` is sent as `Authorization: Bearer ...`. Lists come as bytes
+    `url` is `ws://HOST:PORT`, the address of the server's page (`http://...`), or `HOST:PORT`; through TLS `wss://...`
+    or `https://...`. Without a path it is `/ws`. `token` is sent as `Authorization: Bearer ...`. Lists come as bytes
     unless `binary` is false. The rest says which lists are wanted:
 
     - `lights`: so many lights at most; the later ones join them, power is kept.
@@ -339,9 +353,7 @@ class Stream:
         rate_hz: Optional[float] = None,
         queue: Optional[int] = None,
     ):
-        self._url = urllib.parse.urlsplit(url)
-        if self._url.scheme not in ("ws", "wss") or not self._url.hostname or self._url.port == 0:
-            raise ValueError(f"{url}: no address of the form ws://HOST:PORT/ws")
+        self._url = _address(url)
         self._headers = {} if token is None else {"Authorization": f"Bearer {token}"}
         self._subprotocol = BINARY if binary else JSON
         # The subscription that is wanted, and the one that the server has accepted: the two differ until it
@@ -431,11 +443,11 @@ class Stream:
             )
             self._connection = self._connections.enter_context(opening)
         except InvalidStatus as fault:
-            response = fault.response
-            if not 400 <= response.status_code < 500 or response.status_code in _LATER:
-                raise
-            why = (response.body or b"").decode(errors="replace").strip() or response.reason_phrase
-            raise Refused(f"the server answers with status {response.status_code}: {why}") from None
+            status, why = fault.response.status_code, _reason(fault.response)
+            answer = f"the server answers with status {status}: {why}"
+            if not 400 <= status < 500 or status in _LATER:
+                raise ConnectionError(answer) from None
+            raise Refused(answer) from None
         except NegotiationError as fault:
             raise Refused(f"the server does not speak {self._subprotocol}: {fault}") from None
         if self._connection.subprotocol is None:
@@ -469,6 +481,33 @@ class Stream:
         if "subscribed" in said:
             self._agreed = self._wanted
         return None
+
+
+_ADDRESS = re.compile(r"(?:(ws|http)(s?)://)?([^\s/?#\\]+)(/[^\s?#]*)?(\?[^\s#]*)?(?:#\S*)?", re.IGNORECASE)
+
+
+def _address(url: str) -> urllib.parse.SplitResult:
+    """The address of the stream that `url` names."""
+    refused = ValueError(f"{url!r} is no address of a server, such as ws://127.0.0.1:7300")
+    match = _ADDRESS.fullmatch(url)
+    if match is None:
+        raise refused
+    scheme, secure, authority, path, query = (group or "" for group in match.groups())
+    # Fragments are for pages.
+    split = urllib.parse.SplitResult(f"ws{secure.lower()}", authority, "/ws" if path in ("", "/") else path, query[1:], "")
+    try:
+        is_server = split.hostname and split.port != 0 and (scheme or split.port)
+    except ValueError:
+        is_server = False
+    if not is_server:
+        raise refused
+    return split
+
+
+def _reason(response: Response) -> str:
+    """What a server says to its refusal: the first line of it, made safe for a terminal."""
+    line = next(iter((response.body or b"").decode(errors="replace").strip().splitlines()), "")
+    return "".join(filter(str.isprintable, line))[:200] or response.reason_phrase
 
 
 def _subscription(

@@ -28,6 +28,8 @@ fn check(package: &str, needed: &[&str], folders: &[&str]) {
         assert!(folder.is_empty() || folders.contains(&folder), "{package}: {file}");
         let is_hidden = rest.starts_with('.') && file != ".cargo_vcs_info.json";
         assert!(!is_hidden && file != "Makefile", "{package}: {file}");
+        // Clients are files in one folder; what package managers put below it stays out.
+        assert!(folder != "clients" || !rest.contains('/'), "{package}: {file}");
     }
 }
 
@@ -40,10 +42,33 @@ fn the_core_packs_sources_examples_and_texts() {
 fn the_program_packs_what_is_compiled_in_and_what_its_texts_name() {
     let needed = [
         "ARCHITECTURE.md",
+        "clients/example.mjs",
+        "clients/example.py",
         "clients/lightcast.js",
+        "clients/lightcast.py",
+        "clients/lightcast_node.js",
+        "clients/package.json",
+        "clients/pyproject.toml",
         "config/replay.toml",
         "src/main.rs",
         "src/net/page/page.js",
     ];
     check("lightcast", &needed, &["clients", "config", "docs", "shaders", "src"]);
+}
+
+#[test]
+fn the_clients_packages_have_the_version_and_licence_of_the_program() {
+    let clients = Path::new(env!("CARGO_MANIFEST_DIR")).join("clients");
+    let read = |name: &str| std::fs::read_to_string(clients.join(name)).unwrap();
+    let npm: serde_json::Value = serde_json::from_str(&read("package.json")).unwrap();
+    let python: toml::Table = read("pyproject.toml").parse().unwrap();
+    let own = [
+        ("version", env!("CARGO_PKG_VERSION")),
+        ("license", env!("CARGO_PKG_LICENSE")),
+        ("name", env!("CARGO_PKG_NAME")),
+    ];
+    for (key, expected) in own {
+        assert_eq!(npm[key].as_str(), Some(expected), "package.json: {key}");
+        assert_eq!(python["project"][key].as_str(), Some(expected), "pyproject.toml: {key}");
+    }
 }

@@ -1,9 +1,13 @@
-//! The Python client, `clients/lightcast.py`: its own tests, in a virtual environment.
+//! The Python client, `clients/lightcast.py`: its own tests, its example and its package, in virtual
+//! environments.
 #![expect(clippy::unwrap_used, reason = "in a test a panic is the report")]
 
+#[path = "clients/example.rs"]
+mod example;
 #[path = "clients/server.rs"]
 mod server;
 
+use example::Example;
 use server::Server;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -112,4 +116,59 @@ fn the_python_client_takes_lists_from_the_program() {
             assert!(pair[1]["power"][1].as_f64().unwrap() > 0.0);
         }
     }
+}
+
+#[test]
+fn the_python_example_ends_quietly_with_its_reader_and_on_an_interrupt() {
+    let python = match python() {
+        Ok(python) => python,
+        Err(why) => return skip(&why),
+    };
+    let server = Server::start();
+    let start = || {
+        let mut command = Command::new(&python);
+        command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("clients/example.py"));
+        let address = server.url.strip_prefix("ws://").unwrap();
+        Example::start(command.arg(address).env("PYTHONDONTWRITEBYTECODE", "1").env("NO_PROXY", "*"))
+    };
+    for end in [Example::stop_reading, Example::interrupt] {
+        let example = start();
+        for _ in 0..2 {
+            let line = example.line();
+            assert!(line.starts_with("list ") && line.contains(": 64 lights, power "), "{line}");
+            let line = example.line();
+            assert!(line.starts_with("  brightest: Light(id="), "{line}");
+        }
+        let (status, said) = end(example);
+        assert!(status.success() && said.is_empty(), "{status}: {said}");
+    }
+}
+
+#[test]
+fn the_python_client_installs_from_its_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (system, python) = (Path::new("python3"), folder.path().join("venv/bin/python"));
+    let pip = |arguments: &[&str]| {
+        let quiet = ["-m", "pip", "--quiet", "--disable-pip-version-check"];
+        run(&python, &[&quiet[..], arguments].concat())
+    };
+    // What the package is built with, and what it needs.
+    let needed = ["flit_core >= 3.12, < 4", "websockets >= 15"];
+    let is_there = run(system, &["-m", "venv", &at("venv")])
+        .and_then(|()| pip(&["download", "--no-deps", "--dest", &at("wheels"), needed[0], needed[1]]));
+    if let Err(why) = is_there {
+        return skip(&format!("pip or its registry is not there: {why}"));
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    pip(&["install", root.join("clients").to_str().unwrap()]).unwrap();
+    // Away from the client's folder, so that the package is what it imports.
+    std::fs::copy(root.join("clients/example.py"), at("example.py")).unwrap();
+    let server = Server::start();
+    let example =
+        Example::start(Command::new(&python).args([&at("example.py"), &server.url]).env("NO_PROXY", "*"));
+    let line = example.line();
+    assert!(line.starts_with("list ") && line.contains(": 64 lights, power "), "{line}");
+    let (status, said) = example.stop_reading();
+    assert!(status.success() && said.is_empty(), "{status}: {said}");
 }

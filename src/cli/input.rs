@@ -233,6 +233,7 @@ fn is_address(text: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::net::ClientOptions;
 
     fn of(name: &str) -> Input {
         Input::of_name(Path::new(name))
@@ -254,6 +255,20 @@ mod tests {
         }
         for name in ["frames/sky.####.exr", "sky.%04d.exr"] {
             assert_eq!(of(name), Input::Panoramas(name.into()));
+        }
+    }
+
+    #[test]
+    fn addresses_are_those_that_the_clients_take() {
+        let addresses: serde_json::Value =
+            serde_json::from_str(include_str!("../../tests/clients/addresses.json")).unwrap();
+        for pair in addresses["everyone takes"].as_array().unwrap() {
+            let url = pair[0].as_str().unwrap();
+            assert_eq!(of(url), Input::Server(url.to_owned()));
+        }
+        for url in addresses["nobody takes"].as_array().unwrap() {
+            let url = url.as_str().unwrap();
+            assert!(!matches!(of(url), Input::Server(_)) || ClientOptions::new(url).is_err(), "{url}");
         }
     }
 

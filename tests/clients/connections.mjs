@@ -1,6 +1,7 @@
 // The client of clients/lightcast.js against a WebSocket and a clock that these tests have in hand.
 
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import test from "node:test";
 import { LightcastClient } from "../../clients/lightcast.js";
 import { BIN } from "./decoders.mjs";
@@ -47,7 +48,7 @@ class Socket extends EventTarget {
 
   constructor(url, protocols) {
     super();
-    if (!url.startsWith("ws://")) throw new SyntaxError(`no WebSocket's address: ${url}`);
+    if (url.startsWith("ws://forbidden/")) throw new DOMException("not from this page", "SecurityError");
     Object.assign(this, { url, protocols });
     Socket.all.push(this);
   }
@@ -69,11 +70,12 @@ class Socket extends EventTarget {
   }
 }
 
+/** Node 18 lacks it, and a WebSocket too: there the decoders are for whoever brings a connection. */
+const NO_EVENTS = typeof CustomEvent === "undefined" && "this Node has no CustomEvent";
+
 /** Runs a test of a client with the clock and the sockets, and what it has told. */
 function withClient(name, act, url = "ws://here/ws") {
-  // Node 18 lacks it, and a WebSocket too: there the decoders are for whoever brings a connection.
-  const skip = typeof CustomEvent === "undefined" && "this Node has no CustomEvent";
-  test(name, { skip }, () => {
+  test(name, { skip: NO_EVENTS }, () => {
     const clock = new Clock();
     const replaced = {
       WebSocket: Socket,
@@ -205,11 +207,57 @@ withClient("a client that is closed waits for nothing", ({ client, clock, kinds 
 });
 
 withClient(
-  "an address that no WebSocket takes is told as a state",
+  "an address that this page may not call is told as a state",
   ({ client, clock }) => {
     client.connect();
-    assert.deepEqual([client.state.state, client.state.retry_ms, clock.waiting], ["closed", null, 0]);
-    assert.match(client.state.reason, /^no WebSocket's address: ftp:/);
+    assert.deepEqual(client.state, { state: "closed", reason: "not from this page", retry_ms: null });
+    assert.equal(clock.waiting, 0);
   },
-  "ftp://here/ws",
+  "ws://forbidden/ws",
 );
+
+withClient("where there is no WebSocket, the client says so and takes the one that it is given", ({ client }) => {
+  delete globalThis.WebSocket;
+  client.connect();
+  assert.match(client.state.reason, /^no WebSocket here; before Node 22 the package ws has one/);
+  assert.equal(client.state.retry_ms, null);
+  const given = new LightcastClient("here:7300", { WebSocket: Socket });
+  given.connect();
+  assert.deepEqual([given.state.state, Socket.all[0].url], ["connecting", "ws://here:7300/ws"]);
+});
+
+withClient("what a browser does not say of a refusal, the server's log does", ({ client, clock }) => {
+  client.connect();
+  const fail = (socket, event) => {
+    socket.dispatchEvent(event);
+    socket.dispatchEvent(Object.assign(new Event("close"), { code: 1006, reason: "" }));
+  };
+  const advice = "no connection: refused, or not there; see the server's log";
+  fail(Socket.all[0], new Event("error"));
+  assert.deepEqual([client.state.state, client.state.reason], ["closed", advice]);
+  clock.advance(250);
+  fail(Socket.all[1], Object.assign(new Event("error"), { message: "Unexpected server response: 403" }));
+  assert.equal(client.state.reason, `${advice} (Unexpected server response: 403)`);
+  // A connection that was there is lost.
+  clock.advance(500);
+  Socket.all[2].open();
+  fail(Socket.all[2], new Event("error"));
+  assert.equal(client.state.reason, "the connection was lost (code 1006)");
+});
+
+const ADDRESSES = JSON.parse(readFileSync(new URL("addresses.json", import.meta.url)));
+for (const [given, expected] of [...ADDRESSES["everyone takes"], ...ADDRESSES["only the clients take"]]) {
+  const url = new URL(expected);
+  url.searchParams.set("lights", "8");
+  withClient(`the address ${given}`, ({ client }) => {
+    client.connect();
+    assert.equal(Socket.all[0].url, url.href);
+  }, given);
+}
+
+test("what is no address is refused", { skip: NO_EVENTS }, () => {
+  for (const given of [...ADDRESSES["nobody takes"], "ws://studio:99999", "ws://studio:0", "studio:0", " studio:7300\n"]) {
+    const message = `"${given}" is no address of a server, such as ws://127.0.0.1:7300`;
+    assert.throws(() => new LightcastClient(given), { message });
+  }
+});

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import test from "node:test";
-import { decodeBinary, decodeJson } from "../../clients/lightcast.js";
+import { decodeBinary, decodeJson, directionIn } from "../../clients/lightcast.js";
 
 const golden = (name) => readFileSync(new URL(`../golden/${name}`, import.meta.url));
 export const BIN = new Uint8Array(golden("message.bin"));
@@ -48,6 +48,25 @@ test("both golden messages are what the JSON says", () => {
   assert.equal(expected.lights.length, 12);
   same(decodeJson(TEXT), expected, "json");
   same(decode(BIN), expected, "binary");
+});
+
+test("suns stand where Blender and three.js show them in the panorama", () => {
+  // Where their environment textures look for a direction: u from the left, v from below.
+  const mappings = {
+    blender: ([x, y, z]) => [0.5 - Math.atan2(y, x) / (2 * Math.PI), 0.5 + Math.atan2(z, Math.hypot(x, y)) / Math.PI],
+    three: ([x, y, z]) => [0.5 + Math.atan2(z, x) / (2 * Math.PI), 0.5 + Math.asin(y) / Math.PI],
+  };
+  for (const { u, v, direction } of JSON.parse(readFileSync(new URL("suns.json", import.meta.url)))) {
+    assert.deepEqual(directionIn(direction, "world"), direction);
+    for (const [axes, mapping] of Object.entries(mappings)) {
+      const found = mapping(directionIn(direction, axes));
+      assert.ok(Math.abs(found[0] - u) < 1e-12 && Math.abs(found[1] - v) < 1e-12, `${axes} ${u} ${v}: ${found}`);
+    }
+  }
+  for (const axes of ["unity", "toString", undefined]) {
+    const message = `axes: "${axes}" is not known; give one of world, blender, three`;
+    assert.throws(() => directionIn([0, 1, 0], axes), { message });
+  }
 });
 
 test("numbers of the golden message", () => {

@@ -1,13 +1,14 @@
 """The decoders against the golden message, sound and damaged."""
 
 import contextlib
+import json
 import math
 import random
 import struct
 import time
 import unittest
 
-from golden import BIN, TEXT
+from golden import BIN, ROOT, TEXT
 
 import lightcast
 
@@ -55,6 +56,23 @@ class Decoders(unittest.TestCase):
         lights = lightcast.decode_binary(bytes(unknown))
         self.assertEqual((lights.capture_utc_ns, lights.capture_monotonic_ns, lights.age_s()), (None, None, None))
         self.assertEqual(lights.sent_monotonic_ns, 86_400_135_802_467)
+
+    def test_suns_stand_where_blender_and_three_show_them_in_the_panorama(self):
+        # Where Blender's and three.js's environment textures look for a direction: u from the left, v from below.
+        mappings = {
+            "blender": lambda x, y, z: (0.5 - math.atan2(y, x) / math.tau, 0.5 + math.atan2(z, math.hypot(x, y)) / math.pi),
+            "three": lambda x, y, z: (0.5 + math.atan2(z, x) / math.tau, 0.5 + math.asin(y) / math.pi),
+        }
+        for sun in json.loads((ROOT / "tests/clients/suns.json").read_text()):
+            light = lightcast.Light(0, tuple(sun["direction"]), (1.0, 1.0, 1.0), 0.0)
+            self.assertEqual(light.direction_in("world"), light.direction)
+            for axes, mapping in mappings.items():
+                u, v = mapping(*light.direction_in(axes))
+                self.assertAlmostEqual(u, sun["u"], delta=1e-12, msg=f"{axes} {sun}")
+                self.assertAlmostEqual(v, sun["v"], delta=1e-12, msg=f"{axes} {sun}")
+        with self.assertRaises(ValueError) as caught:
+            light.direction_in("unity")
+        self.assertEqual(str(caught.exception), "axes: 'unity' is not known; give one of world, blender, three")
 
     def test_a_longer_header_is_skipped(self):
         longer = BIN[:4] + struct.pack("<H", 133) + BIN[6:120] + b"\xff" * 13 + BIN[120:]

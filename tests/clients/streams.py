@@ -9,19 +9,24 @@ import threading
 import time
 import unittest
 
-from golden import BIN, TEXT
+from golden import BIN, ROOT, TEXT
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
 import lightcast
 
+ADDRESSES = json.loads((ROOT / "tests/clients/addresses.json").read_text())
+
 
 class Server:
     """A server that keeps what clients ask it and does with each what it is told; in a thread of its own."""
 
-    def __init__(self, *handlers, status=None):
-        """`handlers` are called in turn with a connection, the last of them again and again; `status` refuses all."""
-        self.handlers, self.status = list(handlers), status
+    def __init__(self, *handlers, status=None, why="not today\n"):
+        """`handlers` are called in turn with a connection, the last of them again and again.
+
+        `status` refuses all, and says `why`.
+        """
+        self.handlers, self.status, self.why = list(handlers), status, why
         self.requests = []
         self.fault = None
 
@@ -47,7 +52,7 @@ class Server:
     def _request(self, connection, request):
         self.requests.append(request)
         if self.status is not None:
-            return connection.respond(self.status, "not today\n")
+            return connection.respond(self.status, self.why)
         return None
 
     def _handle(self, connection):
@@ -272,9 +277,38 @@ class Streams(unittest.TestCase):
             self.assertEqual(len(sent), in_half_a_second)
             next(stream)
 
+    def test_addresses_are_those_that_the_command_watch_takes(self):
+        for whose in ("everyone takes", "only the clients take"):
+            for given, expected in ADDRESSES[whose]:
+                self.assertEqual(lightcast.Stream(given)._url.geturl(), expected)
+        for given in [*ADDRESSES["nobody takes"], "ws://studio:99999", "ws://studio:0", "studio:0", " studio:7300\n"]:
+            with self.subTest(given), self.assertRaises(ValueError) as caught:
+                lightcast.Stream(given)
+            wanted = f"{given!r} is no address of a server, such as ws://127.0.0.1:7300"
+            self.assertEqual(str(caught.exception), wanted)
+        with Server(send_from(3)) as server, lightcast.Stream(server.url[len("ws://") : -len("/ws")]) as stream:
+            self.assertEqual(next(stream).sequence, 3)
+            self.assertEqual([request.path for request in server.requests], ["/ws"])
+
+    def test_the_reason_of_a_refusal_is_one_line_that_a_terminal_can_show(self):
+        with Server(send_from(0), status=http.HTTPStatus.FORBIDDEN, why="\x1b[2Jnot from\there\nsecond\n") as server:
+            with self.assertRaises(lightcast.Refused) as caught:
+                next(lightcast.Stream(server.url))
+            self.assertEqual(str(caught.exception), "the server answers with status 403: [2Jnot fromhere")
+        with Server(send_from(0), status=http.HTTPStatus.FORBIDDEN, why="") as server:
+            with self.assertRaises(lightcast.Refused) as caught:
+                next(lightcast.Stream(server.url))
+            self.assertEqual(str(caught.exception), "the server answers with status 403: Forbidden")
+        logging.disable(logging.NOTSET)
+        full = Server(send_from(9), status=http.HTTPStatus.SERVICE_UNAVAILABLE, why="all slots are taken\n")
+        with full as server, lightcast.Stream(server.url) as stream, self.assertLogs(lightcast.LOG) as logged:
+            opener = threading.Timer(0.3, setattr, (server, "status", None))
+            opener.start()
+            next(stream)
+            opener.join()
+        self.assertIn("the server answers with status 503: all slots are taken; next attempt in", logged.output[0])
+
     def test_arguments_that_no_server_takes_are_told_at_once(self):
-        for url in ("", "http://localhost/ws", "ws:///ws", "localhost:7300", "ws://localhost:99999/ws"):
-            self.assertRaises(ValueError, lightcast.Stream, url)
         url = "ws://localhost:7300/ws"
         for keys in (
             {"lights": 0},

@@ -1,6 +1,8 @@
 //! Panoramas: where their pixels lie, what their numbers mean, how they are laid out.
 
 use super::{fault, lightcast, said};
+use lightcast::files::write_exr;
+use lightcast_core::image::{Frame, Pixels};
 use std::path::Path;
 
 /// The power of a panorama's lights and what was said.
@@ -30,6 +32,36 @@ fn refusal(name: &str, arguments: &[&str]) -> Option<String> {
     let said = said(&output);
     assert!(said.contains(name), "{said}");
     Some(said)
+}
+
+/// The clients' tests have directions for Blender and three.js from the same table.
+#[test]
+fn suns_of_panoramas_have_the_directions_that_the_clients_turn() {
+    let table = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clients/suns.json");
+    let suns: serde_json::Value = serde_json::from_slice(&std::fs::read(table).unwrap()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sun.exr");
+    let (width, height) = (360, 180);
+    for sun in suns.as_array().unwrap() {
+        let [u, v] = ["u", "v"].map(|key| sun[key].as_f64().unwrap());
+        // v counts from below, as in the texture coordinates of renderers.
+        let (column, row) = ((u * width as f64) as usize, ((1.0 - v) * height as f64) as usize);
+        let mut values = vec![0.0; 3 * width * height];
+        values[3 * (row * width + column)..][..3].fill(1000.0);
+        let frame =
+            Frame { width, height, channels: 3, pixels: Pixels::Radiance(values), ..Frame::default() };
+        write_exr(&path, &frame, None, false).unwrap();
+        let output = lightcast(&["lights", "--lights", "1"], &path);
+        let list: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let cosine: f64 = (0..3)
+            .map(|axis| {
+                list["lights"][0]["direction"][axis].as_f64().unwrap()
+                    * sun["direction"][axis].as_f64().unwrap()
+            })
+            .sum();
+        // A corner of the picture's pixel, and half a pixel of the map, both of one degree.
+        assert!(cosine > 1.5_f64.to_radians().cos(), "{sun}: {}", list["lights"][0]);
+    }
 }
 
 #[test]
