@@ -323,8 +323,8 @@ export class LightcastClient extends EventTarget {
   #state = { state: "closed", reason: "not connected yet", retry_ms: null };
 
   /**
-   * @param {string | URL} url `ws://HOST:PORT`, the address of the server's page (`http://...`), or `HOST:PORT`;
-   *   through TLS `wss://...` or `https://...`. Without a path it is `/ws`.
+   * @param {string | URL} url `ws://HOST:PORT`, the address of the server's page, or `HOST:PORT`; through TLS
+   *   `wss://...`, or the address of the page there. Without a path it is `/ws`.
    * @param {object} [options]
    * @param {"binary" | "json"} [options.format] default: binary
    * @param {string | null} [options.token] where the server asks for one
