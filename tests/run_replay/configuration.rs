@@ -25,7 +25,10 @@ fn an_unknown_key_is_refused_with_file_line_and_key() {
 
 #[test]
 fn an_unreadable_key_is_refused_with_file_line_and_key() {
-    refused(&format!("{SOURCE}frame_rate_hz = \"fast\"\n"), &["line 4", "frame_rate_hz", "where a number is wanted"]);
+    refused(
+        &format!("{SOURCE}frame_rate_hz = \"fast\"\n"),
+        &["line 4", "frame_rate_hz", "where a number is wanted"],
+    );
     refused(&format!("{SOURCE}pace = \n"), &["line 4", "pace"]);
     refused(&format!("{SOURCE}[map]\nrows = 0\n"), &["line 5", "rows = 0"]);
 }

@@ -5,7 +5,8 @@
 const UNITS: [(i64, i64); 3] =
     [(1_000_000_000_000_000_000, 1), (1_000_000_000_000_000, 1_000), (1_000_000_000_000, 1_000_000)];
 
-/// From so many missing numbers for each file on, and so many in all, they are no lost frames.
+/// From so many missing numbers for each file on, the user is told; and where there are so many in all, they are no
+/// lost frames.
 const IMPLAUSIBLE: u64 = 10;
 const IMPLAUSIBLE_IN_ALL: u64 = 100;
 
@@ -66,13 +67,18 @@ impl Timeline {
         let (Some(&first), Some(&last)) = (self.numbers.first(), self.numbers.last()) else { return self };
         let count = self.numbers.len() as u64;
         let missing = last - first - (count - 1);
-        if missing < IMPLAUSIBLE_IN_ALL || missing / count < IMPLAUSIBLE {
+        if missing / count < IMPLAUSIBLE {
             return self;
         }
-        self.note = Some(format!(
+        let told = format!(
             "{missing} frames are missing between {count} files, by the numbers in their names, far more than are \
-             there: every gap counts as one lost frame"
-        ));
+             there"
+        );
+        if missing < IMPLAUSIBLE_IN_ALL {
+            self.note = Some(told + "; they count as lost");
+            return self;
+        }
+        self.note = Some(told + ": every gap counts as one lost frame");
         let (mut taken, mut before) = (0, first);
         for (index, number) in self.numbers.iter_mut().enumerate() {
             let gap = number.saturating_sub(before);
@@ -99,7 +105,10 @@ mod tests {
         assert_eq!(of(&[1001, 1002, 1005]).numbers, [1001, 1002, 1005]);
         assert_eq!(of(&[-2, -1, 0, 1]).numbers, [0, 1, 2, 3]);
         assert_eq!(of(&[5]).numbers, [5]);
-        assert_eq!(of(&[1, 90]).note, None);
+        assert_eq!(of(&[1, 20]).note, None);
+        let sparse = of(&[1, 90]);
+        assert_eq!(sparse.numbers, [1, 90]);
+        assert!(sparse.note.unwrap().ends_with("far more than are there; they count as lost"));
         assert_eq!(rate_hz(&[1, 2, 3]), None);
     }
 
