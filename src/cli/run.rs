@@ -37,9 +37,9 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
 ///
 /// With --listen the lists are also streamed to clients, over WebSockets; http://HOST:PORT/ shows them in a
 /// browser. Then SIGHUP reloads the configuration: if it is invalid the old one stays, and if it, its
-/// calibration and the files of its sequence are as before, the service goes on; otherwise it restarts with it,
-/// and clients stay connected (those of a server whose section [server] has changed reconnect). Lists then are written only to --output; a full disk ends that output, or the pictures, and
-/// nothing else.
+/// calibration and the files of its sequence are as before, the service goes on; otherwise it restarts with
+/// it, and clients stay connected (those of a server whose section [server] has changed reconnect). Lists
+/// then are written only to --output; a full disk ends that output, or the pictures, and nothing else.
 ///
 /// Examples:
 ///   lightcast run config/replay.toml | jq .error
@@ -56,7 +56,8 @@ pub(super) struct Arguments {
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
 
-    /// Draw maps with their lights into this folder; with --listen, or a camera, those that there is time for.
+    /// Draw maps with their lights into this folder; with --listen, or a camera, those that there is time
+    /// for.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 

@@ -22,9 +22,9 @@ const KINDS: [(&str, &str); 18] = [
     ("string or map", "a name or a table"),
 ];
 
-/// A message of `serde` about a value, without the names of a programming language: `invalid type: string "x",
-/// expected usize` becomes `string "x" given, a whole number, 0 or more, wanted`. Messages of another form stay as they
-/// are.
+/// A message of `serde` about a value, without the names of a programming language: `invalid type: string
+/// "x", expected usize` becomes `"x" given where a whole number, 0 or more is wanted`. Messages of another
+/// form stay as they are.
 pub fn plain_words(message: &str) -> String {
     if let Some((variant, known)) =
         message.strip_prefix("unknown variant ").and_then(|rest| rest.split_once(", expected "))
@@ -41,7 +41,10 @@ pub fn plain_words(message: &str) -> String {
         None => (wanted, String::new()),
     };
     let wanted = KINDS.iter().find(|(name, _)| *name == wanted).map_or(wanted, |(_, plain)| plain);
-    let given = given.replace("floating point ", "").replace("integer ", "").replace("string ", "");
+    let given = ["floating point ", "integer ", "string "]
+        .iter()
+        .find_map(|kind| given.strip_prefix(kind))
+        .unwrap_or(given);
     format!("{given} given where {wanted} is wanted{place}")
 }
 
@@ -68,6 +71,10 @@ mod tests {
             (
                 "unknown variant `slow`, expected `real-time` or `fast`",
                 "`slow` is unknown; give `real-time` or `fast`",
+            ),
+            (
+                "invalid type: string \"a string of mine\", expected f32",
+                "\"a string of mine\" given where a number is wanted",
             ),
             ("unknown variant `x`, expected one of `a`, `b`", "`x` is unknown; give one of `a`, `b`"),
             ("invalid type: map, expected a thing", "map given where a thing is wanted"),

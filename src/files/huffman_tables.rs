@@ -1,5 +1,5 @@
-//! The Huffman tables of JPEG pictures that carry none, as the frames of many USB cameras (MJPEG): such pictures use
-//! those of the standard (ITU-T T.81, Annex K.3).
+//! The Huffman tables of JPEG pictures that carry none, as the frames of many USB cameras (MJPEG): such
+//! pictures use those of the standard (ITU-T T.81, Annex K.3).
 
 use std::borrow::Cow;
 
@@ -68,8 +68,8 @@ const AC_CHROMINANCE: [u8; 162] = [
     0xf9, 0xfa,
 ];
 
-/// A JPEG picture with tables: those of the standard where it has none before its first scan. Anything else is left
-/// as it is.
+/// A JPEG picture with tables: those of the standard where it has none before its first scan. Anything else
+/// is left as it is.
 pub(super) fn with_tables(bytes: &[u8]) -> Cow<'_, [u8]> {
     match scan_without_tables(bytes) {
         Some(at) => [&bytes[..at], &standard(), &bytes[at..]].concat().into(),

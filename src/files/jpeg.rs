@@ -16,9 +16,9 @@ const MAX_FILE_BYTES: u64 = 1 << 28;
 const MAX_INFLATION: u64 = 2048;
 
 /// Decodes a JPEG picture, such as one frame of an MJPEG camera, into codes from 0 to 255: 1 channel for
-/// grey, 3 for colour as coded (usually sRGB). One without Huffman tables, as many cameras send, is decoded with
-/// those of the standard. The frame's buffer is reused when it fits; its stamp is left
-/// as it is. The decoder itself allocates.
+/// grey, 3 for colour as coded (usually sRGB). One without Huffman tables, as many cameras send, is decoded
+/// with those of the standard. The frame's buffer is reused when it fits; its stamp is left as it is. The
+/// decoder itself allocates.
 ///
 /// # Errors
 ///

@@ -15,9 +15,9 @@ use tokio::sync::watch;
 /// Forms of one list that clients can choose freely: they mostly ask for a few round numbers. Once there are
 /// this many, others get a power of two.
 const FORMS_MAX: usize = 16;
-/// Most bytes of encoded lists that are kept. Those that take more are of the oldest lists, for which hardly a
-/// client asks any more, and are made again for one that does; those of the newest list are kept whatever they
-/// take.
+/// Most bytes of encoded lists that are kept. Those that take more are of the oldest lists, for which hardly
+/// a client asks any more, and are made again for one that does; those of the newest list are kept whatever
+/// they take.
 const FORMS_MAX_BYTES: usize = 1 << 25;
 
 /// Where the service puts data for clients: the newest lists, the newest map, the metrics of its stages.
@@ -194,7 +194,7 @@ impl Board {
         let mut kept_bytes = 0;
         for (age, post) in lock(&self.lists).posts.iter().rev().enumerate() {
             let mut forms = lock(&post.forms);
-            kept_bytes += forms.iter().filter_map(|form| form.bytes.as_ref()).map(Bytes::len).sum::<usize>();
+            kept_bytes += bytes_of(&forms);
             if kept_bytes > FORMS_MAX_BYTES && age > 0 {
                 forms.clear();
             }
@@ -224,6 +224,10 @@ impl Shortener {
         short.error = Some(error);
         short
     }
+}
+
+fn bytes_of(forms: &[Form]) -> usize {
+    forms.iter().filter_map(|form| form.bytes.as_ref()).map(Bytes::len).sum()
 }
 
 fn encode(list: &LightList, is_binary: bool, body: &mut Vec<u8>) -> Result<()> {
@@ -355,11 +359,7 @@ mod tests {
         let board = Board::default();
         let all = Subscription::default();
         let bytes_kept = |board: &Board| {
-            let bytes = |post: &Arc<Post>| {
-                let forms = lock(&post.forms);
-                forms.iter().filter_map(|form| form.bytes.as_ref()).map(Bytes::len).sum::<usize>()
-            };
-            board.look(|posts| posts.iter().map(bytes).collect::<Vec<usize>>())
+            board.look(|posts| posts.iter().map(|post| bytes_of(&lock(&post.forms))).collect::<Vec<usize>>())
         };
         let whole = list(0, 16_000);
         for _ in 0..QUEUE_MAX {

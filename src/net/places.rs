@@ -10,8 +10,8 @@ const ANSWER_WITHIN_NS: i64 = 10_000_000_000;
 const BYTES_PER_SECOND: u64 = 32_768;
 /// A client that has taken nothing of its answer for this long leaves when others wait.
 const STALLED_NS: i64 = 2_000_000_000;
-/// A connection that has asked for nothing may stay this long when others wait: clients that all come at once, as
-/// after a restart, have asked by then, and none of them pushes another out.
+/// A connection that has asked for nothing may stay this long when others wait: clients that all come at
+/// once, as after a restart, have asked by then, and none of them pushes another out.
 const TO_ASK_NS: i64 = 50_000_000;
 
 /// All places. Some are for requests about the program's health alone, so that these are answered whatever

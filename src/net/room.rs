@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 /// Handles that connections leave to everything else: the files of frames, of a recording, of pictures and of
 /// the configuration, the listener, standard streams. A service uses about twenty.
 const FOR_FILES: usize = 32;
-/// Most connections for requests, in addition to those for streams of lists: after a restart a thousand clients come
-/// at once, and each is one until it has its stream.
+/// Most connections for requests, in addition to those for streams of lists: after a restart a thousand
+/// clients come at once, and each is one until it has its stream.
 const REQUESTS_MAX: usize = 1024;
 /// Fewest of each kind.
 const LEAST: usize = 4;

@@ -168,7 +168,8 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
                 Some(place) => {
                     let service = TowerToHyperService::new(router.clone());
                     tokio::spawn(connection(stream, Peer(address), service, place, shared.clone()));
-                    // One that has to leave for it does so before the next one comes: their number is limited.
+                    // One that has to leave for it does so before the next one comes: their number is
+                    // limited.
                     yield_now().await;
                 }
                 None => {
@@ -193,8 +194,8 @@ async fn serve(listener: TcpListener, shared: Arc<Shared>, router: Router) -> Re
     Ok(())
 }
 
-/// A place for a connection, which is waited for where one is free soon; the others that come meanwhile wait in the
-/// system's queue.
+/// A place for a connection, which is waited for where one is free soon; the others that come meanwhile wait
+/// in the system's queue.
 async fn place(places: &Arc<Places>) -> Option<Place> {
     loop {
         match places.take(monotonic_ns()) {

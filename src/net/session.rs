@@ -23,8 +23,8 @@ use tokio_tungstenite::tungstenite::{Message, Utf8Bytes};
 const WAITED: Duration = Duration::from_millis(100);
 /// Longest wait for a client to take the closing message.
 const FAREWELL: Duration = Duration::from_millis(500);
-/// A longer list goes out in frames of this size, which is all that its client's connection holds of it: those
-/// who do not take theirs share one copy.
+/// A longer list goes out in frames of this size, which is all that its client's connection holds of it:
+/// those who do not take theirs share one copy.
 const FRAME_BYTES: usize = 1 << 16;
 
 /// A connected client.
@@ -160,16 +160,10 @@ impl Session {
             return Ok(true);
         };
         let delivery = delivery(&post, lost);
-        let (head, body, tail) = if self.is_binary {
-            (binary::head(&delivery).to_vec(), body, Vec::new())
-        } else {
-            (Vec::new(), body.slice(..json::open_length(&body)), json::tail(&delivery))
-        };
-        let bytes = (head.len() + body.len() + tail.len()) as u64;
-        match timeout(self.patience, self.send_parts(head, body, tail)).await {
+        let bytes = match timeout(self.patience, self.send_list(body, &delivery)).await {
             Ok(sent) => sent?,
             Err(_) => return Err(self.silent()),
-        }
+        };
         self.sent += 1;
         self.lost += lost;
         let counters = &self.shared.counters;
@@ -181,21 +175,30 @@ impl Session {
         Ok(true)
     }
 
-    /// Sends a list of three parts, in one frame if it is short.
-    async fn send_parts(&mut self, head: Vec<u8>, body: Bytes, tail: Vec<u8>) -> Result<(), End> {
+    /// Sends a list, a short one in one frame; returns the bytes of the message.
+    async fn send_list(&mut self, body: Bytes, delivery: &Delivery) -> Result<u64, End> {
         let kind = if self.is_binary { Data::Binary } else { Data::Text };
         let frame =
             |bytes: Bytes, kind, is_last| Message::Frame(Frame::message(bytes, OpCode::Data(kind), is_last));
-        if head.len() + body.len() + tail.len() <= FRAME_BYTES {
-            return self.send(frame([&head[..], &body, &tail].concat().into(), kind, true)).await;
+        if body.len() <= FRAME_BYTES {
+            let mut bytes = Vec::new();
+            let encode = if self.is_binary { binary::encode } else { json::encode };
+            encode(&body, delivery, &mut bytes);
+            let length = bytes.len() as u64;
+            return self.send(frame(bytes.into(), kind, true)).await.map(|()| length);
         }
-        let (first, mut rest) = (body.slice(..FRAME_BYTES / 2), body.slice(FRAME_BYTES / 2..));
-        self.send(frame([&head[..], &first].concat().into(), kind, false)).await?;
+        let (head, mut rest, tail) = if self.is_binary {
+            (Bytes::copy_from_slice(&binary::head(delivery)), body, Bytes::new())
+        } else {
+            (Bytes::new(), body.slice(..json::open_length(&body)), json::tail(delivery).into())
+        };
+        let length = (head.len() + rest.len() + tail.len()) as u64;
+        self.send(frame(head, kind, false)).await?;
         while !rest.is_empty() {
             let next = rest.split_to(rest.len().min(FRAME_BYTES));
             self.send(frame(next, Data::Continue, false)).await?;
         }
-        self.send(frame(tail.into(), Data::Continue, true)).await
+        self.send(frame(tail, Data::Continue, true)).await.map(|()| length)
     }
 
     async fn send(&mut self, message: Message) -> Result<(), End> {

@@ -1,7 +1,7 @@
 //! Numbers in the names of files.
 
-/// Splits `name.0017.exr` into `name.`, 17 and `.exr`. A minus is a sign where the name begins with it, or a dot, a
-/// blank or an underscore stands before it; elsewhere it joins words.
+/// Splits `name.0017.exr` into `name.`, 17 and `.exr`. A minus is a sign where the name begins with it, or a
+/// dot, a blank or an underscore stands before it; elsewhere it joins words.
 pub(super) fn numbered(name: &str) -> Option<(&str, i64, &str)> {
     let (stem, _) = name.rsplit_once('.')?;
     let digits_at = stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
@@ -13,8 +13,8 @@ pub(super) fn numbered(name: &str) -> Option<(&str, i64, &str)> {
     Some((before, number, &name[stem.len()..]))
 }
 
-/// Splits `name_1403636579.763555.png` into `name_`, the time in nanoseconds, and `.png`: seconds since 1970, with
-/// a fraction.
+/// Splits `name_1403636579.763555.png` into `name_`, the time in nanoseconds, and `.png`: seconds since 1970,
+/// with a fraction.
 pub(super) fn seconds(name: &str) -> Option<(&str, i64, &str)> {
     let (stem, _) = name.rsplit_once('.')?;
     let (whole, fraction) = stem.rsplit_once('.')?;

@@ -170,8 +170,8 @@ impl<'a> Pattern<'a> {
         })
     }
 
-    /// The number in `name`, which must be padded with zeros to exactly `digits` digits, its sign counted as C
-    /// counts it, if it has fewer.
+    /// The number in `name`, which must be padded with zeros to exactly `digits` digits, its sign counted as
+    /// C counts it, if it has fewer.
     fn number(&self, name: &str) -> Option<i64> {
         let rest = name.strip_prefix(self.before)?;
         let end = rest.len().checked_sub(self.after.len()).filter(|&end| rest.is_char_boundary(end))?;

@@ -38,8 +38,8 @@ pub struct PictureWriter {
 
 impl Render {
     /// Pictures of `samples` samples a pixel, of the lists that describe the first frame in every block of
-    /// `every` sequence numbers: the same lists with which maps are drawn. They go to `folder`, which must exist.
-    /// None follows once `interrupted` is requested, and one in progress is dropped.
+    /// `every` sequence numbers: the same lists with which maps are drawn. They go to `folder`, which must
+    /// exist. None follows once `interrupted` is requested, and one in progress is dropped.
     pub fn new(
         renderer: Renderer,
         camera: Camera,

@@ -36,8 +36,8 @@ path = \"a.####.exr\"
 count = 12
 ";
 
-/// Writes `text` plainly and as programs on Windows do, in folders of their own, and requires `read` to give the
-/// same of both.
+/// Writes `text` plainly and as programs on Windows do, in folders of their own, and requires `read` to give
+/// the same of both.
 fn check<T: Debug>(name: &str, text: &str, read: impl Fn(&Path) -> T) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);

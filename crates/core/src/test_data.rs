@@ -31,6 +31,12 @@ pub fn say_skipped(reason: &str) {
     let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
+/// Numbers in [0, 1) without a pattern.
+pub fn noise(index: usize) -> f32 {
+    (index as u32).wrapping_mul(2_654_435_769).rotate_left(7).wrapping_mul(0x85eb_ca6b) as f32
+        / 4_294_967_296.0
+}
+
 /// Name and map of every `*_1k.hdr`, in the order of their names, averaged to `shape`; empty where there are
 /// none.
 pub fn real_maps(shape: PolarShape) -> Vec<(String, PolarMap)> {

@@ -6,8 +6,8 @@ use crate::error::{Error, Result};
 use crate::{error::Kind, files::read_grey};
 use std::path::{Path, PathBuf};
 
-/// Looks for the board that the file `board` describes in every photograph. One that cannot be read or shows no
-/// board is named and stays in the set without corners, so that the report has it too.
+/// Looks for the board that the file `board` describes in every photograph. One that cannot be read or shows
+/// no board is named and stays in the set without corners, so that the report has it too.
 #[cfg(feature = "april-grid")]
 pub(super) fn corners(board: &Path, files: &[PathBuf]) -> Result<CornerSet> {
     let grid = AprilGrid::load(board)?;

@@ -97,18 +97,18 @@ fn render_lists(arguments: &Arguments, input: &Input, target: &Target) -> Result
             // It is dropped before waiting for the end, because the threads that make the lists may wait for
             // room in it.
             let mut link = lists.link;
-            let is_interrupted = || Error::failed("interrupted; there is no picture").at(path);
+            let no_picture = || Error::failed("interrupted; there is no picture").at(path);
             match link.receive() {
                 Some(list) => {
                     metrics.frames.add(1);
                     let goes_on = || !interrupted.is_requested();
                     match renderer.draw_while(&list.lights, &camera, samples(arguments), goes_on) {
                         Ok(true) => PictureWriter::default().write(&mut renderer, 0.0, path, *is_exr),
-                        Ok(false) => Err(is_interrupted()),
+                        Ok(false) => Err(no_picture()),
                         Err(error) => Err(error),
                     }
                 }
-                None if interrupted.is_requested() => Err(is_interrupted()),
+                None if interrupted.is_requested() => Err(no_picture()),
                 None if shutdown.is_requested() => Ok(()),
                 None => Err(Error::failed("gave no light list").at(input.name())),
             }

@@ -256,8 +256,6 @@ impl<'a> Report<'a> {
             return Ok(());
         }
         if is_empty {
-            // The folder that was made for it, unless something else is in it.
-            let _ = std::fs::remove_dir(&self.arguments.output);
             return Ok(());
         }
         let page = folder::write(document, &self.arguments.output)?;

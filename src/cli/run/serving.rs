@@ -114,8 +114,8 @@ impl Serving<'_> {
         }
     }
 
-    /// Runs one service, of this configuration and what it names, until its end; returns what to continue with,
-    /// if there is anything.
+    /// Runs one service, of this configuration and what it names, until its end; returns what to continue
+    /// with, if there is anything.
     fn run(&mut self, (service, ending): (Service, Shutdown), of: (&Config, &Named)) -> Result<Option<Next>> {
         let mut next = None;
         let mut reload = None;
@@ -147,8 +147,8 @@ impl Serving<'_> {
     }
 
     /// Starts to reload where SIGHUP came, and looks what has come of it; returns a configuration with which
-    /// the service is to start anew. One that is as before is no reason for that: logs are rotated by the same
-    /// signal, and a camera would miss frames.
+    /// the service is to start anew. One that is as before is no reason for that: logs are rotated by the
+    /// same signal, and a camera would miss frames.
     fn look_for_reload(
         &mut self,
         reload: &mut Option<Aside<Next>>,

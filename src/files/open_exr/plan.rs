@@ -45,8 +45,8 @@ impl Plan {
     }
 }
 
-/// Decides what to take; refuses what is not read, and what has not the `size` that is wanted, before anything
-/// is allocated for it.
+/// Decides what to take; refuses what is not read, and what has not the `size` that is wanted, before
+/// anything is allocated for it.
 pub(super) fn plan(meta: &MetaData, file_bytes: u64, size: Option<[usize; 2]>) -> Result<Plan> {
     // A chunk may name any part, so all parts are checked, not only the one that is read.
     let mut chunks = 0_u64;

@@ -16,22 +16,23 @@ pub(super) struct Polygons {
 }
 
 impl Polygons {
-    /// Appends the triangles of the polygon with these corners, whose positions are `at`, to `indices`. A convex
-    /// polygon becomes a fan from its first corner. Any other that does not cross itself is cut by its ears
-    /// (Meisters 1975), seen along its mean normal (Newell), so that its triangles cover it once. One that
-    /// crosses itself has no inside: its triangles are those of ears as well, as long as there are any, and
-    /// what is left is a fan. A polygon with a corner that is not finite is left out.
+    /// Appends the triangles of the polygon with these corners, whose positions are `at`, to `indices`. A
+    /// convex polygon becomes a fan from its first corner. Any other that does not cross itself is cut by its
+    /// ears (Meisters 1975), seen along its mean normal (Newell), so that its triangles cover it once. One
+    /// that crosses itself has no inside: its triangles are those of ears as well, as long as there are any,
+    /// and what is left is a fan. A polygon with a corner that is not finite is left out.
     pub fn cut(&mut self, polygon: &[u32], at: impl Fn(u32) -> [f32; 3], indices: &mut Vec<u32>) {
-        let corners: Vec<DVec3> =
-            polygon.iter().map(|&index| DVec3::from(at(index).map(f64::from))).collect();
-        if corners.iter().any(|corner| !corner.is_finite()) {
+        if polygon.iter().any(|&index| at(index).iter().any(|value| !value.is_finite())) {
             self.not_finite += 1;
             return;
         }
+        // Most faces are triangles.
         if polygon.len() < 4 {
-            indices.extend((polygon.len() == 3).then_some(polygon).into_iter().flatten());
+            indices.extend(if polygon.len() == 3 { polygon } else { &[] });
             return;
         }
+        let corners: Vec<DVec3> =
+            polygon.iter().map(|&index| DVec3::from(at(index).map(f64::from))).collect();
         let mut triangle = |[a, b, c]: [usize; 3]| indices.extend([polygon[a], polygon[b], polygon[c]]);
         let flat = flat(&corners);
         let fan = (1..polygon.len() - 1).map(|second| [0, second, second + 1]);
@@ -56,8 +57,8 @@ impl Polygons {
     }
 }
 
-/// The corners as seen along the axis that is nearest to the polygon's mean normal, counterclockwise in the mean.
-/// Two coordinates of each are taken as they are, so that nothing is rounded.
+/// The corners as seen along the axis that is nearest to the polygon's mean normal, counterclockwise in the
+/// mean. Two coordinates of each are taken as they are, so that nothing is rounded.
 fn flat(corners: &[DVec3]) -> Vec<DVec2> {
     let cross = |pair: &[DVec3]| (pair[0] - corners[0]).cross(pair[1] - corners[0]);
     let normal: DVec3 = corners.windows(2).map(cross).sum();
@@ -89,8 +90,8 @@ fn is_convex(corners: &[DVec2]) -> bool {
     turns.chain(fan).all(|turn| turn >= 0.0)
 }
 
-/// Cuts off one ear after another; false where none was found before the end and the rest became a fan, or what is
-/// left is turned over, as of a polygon that crosses itself.
+/// Cuts off one ear after another; false where none was found before the end and the rest became a fan, or
+/// what is left is turned over, as of a polygon that crosses itself.
 fn clip_ears(corners: &[DVec2], triangle: &mut impl FnMut([usize; 3])) -> bool {
     let mut rest: Vec<usize> = (0..corners.len()).collect();
     let mut tests_left = TESTS_MAX;
@@ -103,7 +104,8 @@ fn clip_ears(corners: &[DVec2], triangle: &mut impl FnMut([usize; 3])) -> bool {
         let found = (0..count).map(|step| (start + step) % count).find(|&place| {
             let [a, b, c] = around(place).map(|corner| corners[corner]);
             let size = turn(a, b, c);
-            // A corner on the line between its neighbours can be taken off where they are at both sides of it.
+            // A corner on the line between its neighbours can be taken off where they are at both sides of
+            // it.
             if size == 0.0 {
                 return (a - b).dot(c - b) <= 0.0 || a == b || b == c;
             }
@@ -140,6 +142,7 @@ fn is_within([a, b, c]: [DVec2; 3], p: DVec2) -> bool {
 mod tests {
     use super::*;
     use glam::{DMat3, Vec3};
+    use lightcast_core::test_data::noise;
 
     fn cut(corners: &[[f32; 3]]) -> (Vec<[u32; 3]>, Polygons) {
         let polygon: Vec<u32> = (0..corners.len() as u32).collect();
@@ -160,12 +163,6 @@ mod tests {
         )
     }
 
-    /// Numbers in [0, 1) without a pattern.
-    fn noise(index: u32) -> f64 {
-        f64::from(index.wrapping_mul(2_654_435_769).rotate_left(7).wrapping_mul(0x85eb_ca6b))
-            / 4_294_967_296.0
-    }
-
     #[test]
     fn convex_polygons_are_fans_from_their_first_corner() {
         let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -183,7 +180,7 @@ mod tests {
             let count = 4 + case % 40;
             let planar = |corner: u32| {
                 let angle = f64::from(corner) / f64::from(count) * std::f64::consts::TAU;
-                let radius = 0.05 + noise(1000 * case + corner);
+                let radius = 0.05 + f64::from(noise((1000 * case + corner) as usize));
                 DVec3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
             };
             let turned =

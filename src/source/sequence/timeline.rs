@@ -5,8 +5,8 @@
 const UNITS: [(i64, i64); 3] =
     [(1_000_000_000_000_000_000, 1), (1_000_000_000_000_000, 1_000), (1_000_000_000_000, 1_000_000)];
 
-/// From so many missing numbers for each file on, the user is told; and where there are so many in all, they are no
-/// lost frames.
+/// From so many missing numbers for each file on, the user is told; and where there are so many in all, they
+/// are no lost frames.
 const IMPLAUSIBLE: u64 = 10;
 const IMPLAUSIBLE_IN_ALL: u64 = 100;
 

@@ -249,12 +249,7 @@ fn decode_radiance_body<const CHANNELS: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Numbers in [0, 1) without a pattern.
-    fn noise(index: usize) -> f32 {
-        (index as u32).wrapping_mul(2_654_435_769).rotate_left(7).wrapping_mul(0x85eb_ca6b) as f32
-            / 4_294_967_296.0
-    }
+    use crate::test_data::noise;
 
     #[test]
     fn chosen_instruction_set_gives_the_bits_of_the_plain_code() {

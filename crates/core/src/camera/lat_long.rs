@@ -1,7 +1,7 @@
 //! Upright lat-long picture to polar map without a matrix.
 //!
-//! Both are divided along polar angle and azimuth alone, so the overlap of two pixels is the product of one of
-//! their rows, in cosines, and one of their columns, in turns. What takes a matrix as many weights as the
+//! Both are divided along polar angle and azimuth alone, so the overlap of two pixels is the product of one
+//! of their rows, in cosines, and one of their columns, in turns. What takes a matrix as many weights as the
 //! picture has pixels then takes as many as it has rows and the map has columns.
 
 use super::PixelCounts;
@@ -204,12 +204,7 @@ mod tests {
     use super::super::{FrameToPolar, Projection, Response};
     use super::*;
     use crate::image::PolarMap;
-
-    /// Numbers in [0, 1) without a pattern.
-    fn noise(index: usize) -> f32 {
-        (index as u32).wrapping_mul(2_654_435_769).rotate_left(7).wrapping_mul(0x85eb_ca6b) as f32
-            / 4_294_967_296.0
-    }
+    use crate::test_data::noise;
 
     #[test]
     fn shares_of_every_map_pixel_add_up_to_the_whole_of_it() {
