@@ -47,8 +47,12 @@ impl Posting {
     /// Posts lists of these sequence numbers, with 100 lights each.
     pub fn post(&self, sequences: std::ops::Range<u64>) {
         for sequence in sequences {
-            self.board.post(&referenced(list(sequence, 100)), &self.epoch);
+            self.post_list(list(sequence, 100));
         }
+    }
+
+    pub fn post_list(&self, list: LightList) {
+        self.board.post(&referenced(list), &self.epoch);
     }
 
     /// A client of JSON lists with this query.

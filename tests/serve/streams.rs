@@ -3,10 +3,13 @@
 use crate::connection::{Posting, close_code, connect, get, list, next_json};
 use lightcast::net::{Client, ClientOptions, ServerOptions};
 use lightcast::rt::{Metrics, Shutdown, monotonic_ns};
-use lightcast::wire::{Message as List, Subscription, binary, write_list};
+use lightcast::wire::{Message as List, Subscription, binary, json, write_list};
+use std::net::TcpStream;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::tungstenite::client::client_with_config;
+use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 
 #[test]
 fn a_client_gets_the_newest_list_at_once_and_then_every_list() {
@@ -47,6 +50,31 @@ fn the_json_of_a_message_without_its_last_key_is_the_line_of_the_list() {
     write_list(&list(7, 100), &mut line).unwrap();
     assert_eq!(format!("{head}}}"), String::from_utf8(line).unwrap());
     assert_eq!(get(posting.address(), "/lights", &[]), (200, format!("{head}}}")));
+}
+
+/// A client that refuses longer frames gets the list whole, in several of them.
+#[test]
+fn a_long_list_comes_in_frames_that_bound_what_a_slow_client_holds() {
+    let posting = Posting::new(ServerOptions::default());
+    let whole = list(7, 16_000);
+    posting.post_list(whole.clone());
+    let config = WebSocketConfig::default().max_frame_size(Some(1 << 16));
+    for protocol in ["lightcast.v1.json", "lightcast.v1.bin"] {
+        let stream = TcpStream::connect(posting.address()).unwrap();
+        let request = posting.request("", protocol);
+        let (mut socket, _) = client_with_config(request, stream, Some(config)).unwrap();
+        let received = socket.read().unwrap();
+        let mut found = List::default();
+        match &received {
+            Message::Text(text) => json::decode(text.as_bytes(), &mut found).unwrap(),
+            Message::Binary(bytes) => binary::decode(bytes, &mut found).unwrap(),
+            _ => panic!("no list: {received:?}"),
+        }
+        assert_eq!(found.list.lights.len(), 16_000);
+        if received.is_text() {
+            assert_eq!(found.list.lights, whole.lights);
+        }
+    }
 }
 
 #[test]
